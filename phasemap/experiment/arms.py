@@ -50,25 +50,25 @@ def merged(prony: Prony, frequency: float) -> Prony:
     size = np.abs(prony.lasting + parts.sum(axis=1))
 
     def off(of: slice, time: float, modulus: float) -> float:
-        one = modulus * arms_at(frequencies, np.array([time]))[:, 0]
-        return float(np.max(np.abs(one - parts[:, of].sum(axis=1)) / size))
+        arm = modulus * arms_at(frequencies, np.array([time]))[:, 0]
+        return float(np.max(np.abs(arm - parts[:, of].sum(axis=1)) / size))
 
-    fast, found = 0, (times, moduli)
+    fast, kept = 0, (times, moduli)
     for count in range(2, len(times) + 1):
         first, second = float(np.sum((moduli * times)[:count])), float(np.sum((moduli * times**2)[:count]))
         if off(slice(count), second / first, first**2 / second) > REDUCED:
             break
         fast = count
-        found = np.append(second / first, times[count:]), np.append(first**2 / second, moduli[count:])
-    times, moduli = found
+        kept = np.append(second / first, times[count:]), np.append(first**2 / second, moduli[count:])
+    times, moduli = kept
     for count in range(1, len(pairs) - fast + 1):
         modulus, of = float(np.sum(moduli[-count:])), slice(len(pairs) - count, None)
         longest = modulus / float(np.sum((moduli / times)[-count:]))
         if off(of, longest, modulus) > REDUCED:
             break
         shortest = min(time for time in longest / SHORTENED if off(of, time, modulus) <= REDUCED)
-        found = np.append(times[:-count], shortest), np.append(moduli[:-count], modulus)
-    return Prony(found[1], found[0], prony.lasting)  # type: ignore[arg-type]
+        kept = np.append(times[:-count], shortest), np.append(moduli[:-count], modulus)
+    return Prony(kept[1], kept[0], prony.lasting)  # type: ignore[arg-type]
 
 
 @cache

@@ -86,11 +86,11 @@ def all_modes(quality_factor: float, participation: float, modes: Modes) -> tupl
     if isinstance(modes, int):
         ratios = [(beta / BETAS[0]) ** 2 for beta in BETAS[1:modes]]
         modes = tuple(Eigenmode(ratio, quality_factor * math.sqrt(ratio)) for ratio in ratios)
-    found = [Eigenmode(1.0, quality_factor, 1.0, participation, 1.0)]
+    every = [Eigenmode(1.0, quality_factor, 1.0, participation, 1.0)]
     for beta, mode in zip(BETAS[1:], modes, strict=False):
         uniform = _of_uniform_beam(beta)
-        found.append(replace(mode, **{name: value for name, value in uniform.items() if getattr(mode, name) is None}))
-    return tuple(found)
+        every.append(replace(mode, **{name: value for name, value in uniform.items() if getattr(mode, name) is None}))
+    return tuple(every)
 
 
 @cache
@@ -124,14 +124,14 @@ def free_motion(modes: Sequence[Eigenmode], omega: float, drive: float, excitati
     `omega`: drive frequency over resonance frequency of the first mode [1].
     `drive`: amplitude of the base, or that of the force on the tip over the first mode's stiffness [m].
     """
-    found = []
+    amplitudes = []
     for mode in modes:
         square, loss = mode.frequency_ratio**2, omega * mode.frequency_ratio / mode.quality_factor
         assert mode.participation is not None
         assert mode.stiffness_ratio is not None
         pull = mode.participation * (omega**2 - 1j * loss) if excitation == "base" else square / mode.stiffness_ratio
-        found.append(1j * drive * pull / (square - omega**2 + 1j * loss))
-    return found
+        amplitudes.append(1j * drive * pull / (square - omega**2 + 1j * loss))
+    return amplitudes
 
 
 SLOWEST, FASTEST = 1e-6, 1e6  # Reynolds numbers; above 1e4, where Sader does not state an accuracy, Gamma tends to 1
@@ -211,7 +211,7 @@ class Beam:
 
     def modes(self, count: int, fluid: Fluid) -> list[ModeInFluid]:
         """The first modes in a fluid."""
-        found = []
+        modes = []
         for beta in BETAS[:count]:
             spring = 4 * self.stiffness * (beta / BETAS[0]) ** 4 / self.length
             omega, before = math.sqrt(spring / self.mass), math.inf
@@ -221,8 +221,8 @@ class Beam:
                 before, added = omega, _added_mass(self.width, omega, fluid)
                 omega = math.sqrt(spring / (self.mass + added.real))
             moving = self.mass + added.real
-            found.append(ModeInFluid(omega, moving / added.imag, self.mass / moving))
-        return found
+            modes.append(ModeInFluid(omega, moving / added.imag, self.mass / moving))
+        return modes
 
 
 def _added_mass(width: float, omega: float, fluid: Fluid) -> complex:

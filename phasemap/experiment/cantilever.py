@@ -192,11 +192,11 @@ class Cantilever(Shown):
 
 def _in_fluid(beam: Beam, fluid: Fluid, count: int, fluid_pulls: bool = True) -> Cantilever:
     """A beam as a lever with so many modes."""
-    found = beam.modes(whole("modes", count, 1, MOST_MODES), fluid)
-    omega, quality, share = found[0]
+    modes = beam.modes(whole("modes", count, 1, MOST_MODES), fluid)
+    omega, quality, share = modes[0]
     higher = [
         Eigenmode(one.omega / omega, one.quality_factor, participation=None if fluid_pulls else b * one.own_mass)
-        for one, b in zip(found[1:], participations(count)[1:], strict=True)
+        for one, b in zip(modes[1:], participations(count)[1:], strict=True)
     ]
     return Cantilever(
         beam.stiffness, omega / (2 * math.pi), quality, OF_FIRST * (1.0 if fluid_pulls else share), tuple(higher)

@@ -112,6 +112,6 @@ def rows_as_seen(rows: Array, lever: Array) -> Array:
     """
     if sees_tip(lever):
         return rows
-    found, amplitude, phase = rows.copy(), rows[..., col.AMPLITUDE], rows[..., col.PHASE]
-    found[..., col.AMPLITUDE], found[..., col.PHASE] = detected_signal(lever, amplitude, phase)
-    return found
+    seen, amplitude, phase = rows.copy(), rows[..., col.AMPLITUDE], rows[..., col.PHASE]
+    seen[..., col.AMPLITUDE], seen[..., col.PHASE] = detected_signal(lever, amplitude, phase)
+    return seen

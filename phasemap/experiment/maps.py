@@ -81,11 +81,11 @@ class Maps:
             read-only.
         """
         self._refuse_lazy()
-        found = self._unique
-        if found is None:
-            found = distinct_materials(self.columns)
-            object.__setattr__(self, "_unique", found)
-        return found
+        distinct = self._unique
+        if distinct is None:
+            distinct = distinct_materials(self.columns)
+            object.__setattr__(self, "_unique", distinct)
+        return distinct
 
     @property
     def found(self) -> tuple[Array, IntArray] | None:
@@ -108,12 +108,12 @@ class Maps:
         """The maps that make up a material."""
         loss = self.viscosity if self.damping is None else self.damping
         assert loss is not None
-        found, more = [self.modulus, self.adhesion, loss, self.poisson_ratio], [getattr(self, name) for name in MORE]
+        columns, more = [self.modulus, self.adhesion, loss, self.poisson_ratio], [getattr(self, name) for name in MORE]
         if all(one is None for one in more):
-            return found
+            return columns
         none = {"relaxed_modulus": self.modulus}
         endless = np.broadcast_to(np.inf, self.shape)
-        return found + [none.get(name, endless) if one is None else one for name, one in zip(MORE, more, strict=True)]
+        return columns + [none.get(name, endless) if one is None else one for name, one in zip(MORE, more, strict=True)]
 
     @asked_as()
     def rows(self, rows: slice) -> Self:
@@ -154,13 +154,13 @@ class Maps:
         """Say the size of the map and the range of each quantity."""
         rows, columns = self.shape
         tall, wide = (say(side, "m") for side in self.pixel_size)
-        found = [f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"]
+        parts = [f"{rows} x {columns} pixels of {tall if tall == wide else f'{tall} x {wide}'}"]
         for name in QUANTITIES:
             value = getattr(self, name) if name not in ("poisson_ratio", "relaxation") else None
             if is_lazy(value):
                 blocks = chunks_of(value)
-                found.append(f"{name} in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels")
+                parts.append(f"{name} in Dask blocks of {blocks[0][0]} x {blocks[1][0]} pixels")
             elif value is not None:
                 ends = [say(float(end.reduce(value, None)), QUANTITIES[name].unit) for end in (np.fmin, np.fmax)]
-                found.append(f"{name} {' to '.join(dict.fromkeys(ends))}")
-        return f"Surface({', '.join(found)})"
+                parts.append(f"{name} {' to '.join(dict.fromkeys(ends))}")
+        return f"Surface({', '.join(parts)})"

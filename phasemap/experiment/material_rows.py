@@ -46,31 +46,34 @@ def rows_of(materials: Iterable[Material]) -> tuple[Array, bool]:
         for one in every
     ]
     if any(getattr(one, name) is not None for one in every for name in MORE):
-        for row, one in zip(rows, every, strict=True):
-            none = {"relaxed_modulus": one.modulus}
-            row += [none.get(name, math.inf) if (own := getattr(one, name)) is None else own for name in MORE_NUMBERS]
-            row.append(one.relaxation.key if isinstance(one.relaxation, Prony) else math.inf)
+        for row, material in zip(rows, every, strict=True):
+            none = {"relaxed_modulus": material.modulus}
+            row += [
+                none.get(name, math.inf) if (value := getattr(material, name)) is None else value
+                for name in MORE_NUMBERS
+            ]
+            row.append(material.relaxation.key if isinstance(material.relaxation, Prony) else math.inf)
     return np.array(rows, dtype=np.float64), viscous
 
 
 def more_of(columns: Sequence[Any]) -> dict[str, Any]:
     """Columns of `MORE` that some material has, from columns that are numbers or maps; spectra by their keys."""
-    found = {name: one for name, one in zip(MORE, columns, strict=False) if np.ndim(one) or math.isfinite(one)}
-    if "relaxation_time" not in found:
-        found.pop("relaxed_modulus", None)
-    return found
+    more = {name: one for name, one in zip(MORE, columns, strict=False) if np.ndim(one) or math.isfinite(one)}
+    if "relaxation_time" not in more:
+        more.pop("relaxed_modulus", None)
+    return more
 
 
 def materials_of(rows: Array, viscous: bool) -> list[Material]:
     """The materials that have these rows: the inverse of `rows_of`."""
-    found = []
+    materials = []
     for modulus, adhesion, loss, poisson_ratio, *rest in rows.tolist():
         more = more_of(rest)
         if "relaxation" in more:
             more["relaxation"] = spectrum_of(more["relaxation"])
         more["viscosity" if viscous else "damping"] = loss
-        found.append(Material(modulus, adhesion, poisson_ratio=poisson_ratio, **more))
-    return found
+        materials.append(Material(modulus, adhesion, poisson_ratio=poisson_ratio, **more))
+    return materials
 
 
 def distinct_materials(maps: Sequence[Array]) -> tuple[Array, IntArray]:
@@ -177,17 +180,17 @@ def relaxation_of(materials: Array, scope: Microscope) -> Array | None:
     The stiffness is that of a sudden touch, over that of the modulus. tau and the share are 0 where nothing relaxes,
     the address where there is one time.
     """
-    found, spectrum = _of_one_time(materials, scope), column_of(materials, "relaxation")
+    relaxation, spectrum = _of_one_time(materials, scope), column_of(materials, "relaxation")
     if spectrum is None:
-        return found
-    if found is None:
-        found = np.tile([0.0, 0.0, 0.0, 1.0], (len(materials), 1))
+        return relaxation
+    if relaxation is None:
+        relaxation = np.tile([0.0, 0.0, 0.0, 1.0], (len(materials), 1))
     resonance, soft = scope.cantilever.resonance_frequency, compliance_of(scope.tip)
     for i in np.flatnonzero(np.isfinite(spectrum)):
         compliance = float(soft / (1 - materials[i, 3] ** 2))
         contact = contact_of(float(spectrum[i]), compliance, scope.frequency_ratio * resonance, 2 * np.pi * resonance)
-        found[i] = 2 * np.pi * resonance * contact.time, contact.share, contact.address, contact.stiffness
-    return found
+        relaxation[i] = 2 * np.pi * resonance * contact.time, contact.share, contact.address, contact.stiffness
+    return relaxation
 
 
 def _of_one_time(materials: Array, scope: Microscope) -> Array | None:

@@ -62,10 +62,10 @@ def levers() -> Mapping[str, Preset]:
     return _read()["levers"]
 
 
-def preset_of(kind: str, name: object, said: str = "preset") -> Preset:
+def preset_of(kind: str, name: object, what: str = "preset") -> Preset:
     """The preset with a name, a title or another name that is usual, whatever its case and its hyphens.
 
-    `kind` ("materials" or "levers"; "" for either), `said`: what an error calls the name.
+    `kind` ("materials" or "levers"; "" for either), `what`: what an error calls the name.
     """
     every = [one for which, found in _read().items() if kind in (which, "") for one in found.values()]
     known = {_letters(key): one for one in every for key in (*one.also, one.title, one.name)}
@@ -75,7 +75,7 @@ def preset_of(kind: str, name: object, said: str = "preset") -> Preset:
     parts = [key for key in known if sought and sought in key]
     near = dict.fromkeys(known[key].name for key in (*parts, *difflib.get_close_matches(sought, known, 5)))
     hint = f"Did you mean {' or '.join(map(repr, list(near)[:3]))}?" if near else ""
-    raise InputError(said, name, f"one of the {len(every)} names that `phasemap presets` lists", hint)
+    raise InputError(what, name, f"one of the {len(every)} names that `phasemap presets` lists", hint)
 
 
 def _letters(name: str) -> str:

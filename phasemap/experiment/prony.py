@@ -123,10 +123,10 @@ class Prony(Shown):
                 step = math.log(rates[1] / rates[0])
                 weights = modulus * time**exponent / math.gamma(exponent) * rates**exponent * step
                 slower = modulus * time**exponent / math.gamma(exponent) * (rates[0] * math.exp(-step / 2)) ** exponent
-                found = cls(weights, 1 / rates, slower / exponent)  # type: ignore[arg-type]
-                off = float(np.max(np.abs(found.complex_modulus(frequencies) / wanted - 1)))
+                spectrum = cls(weights, 1 / rates, slower / exponent)  # type: ignore[arg-type]
+                off = float(np.max(np.abs(spectrum.complex_modulus(frequencies) / wanted - 1)))
                 if off <= error:
-                    return cls(found.moduli, found.times, found.equilibrium, residual=off)
+                    return cls(spectrum.moduli, spectrum.times, spectrum.equilibrium, residual=off)
         raise InputError("error", error, "one that arms over this band can meet")
 
     @classmethod
@@ -166,11 +166,11 @@ class Prony(Shown):
         from scipy.optimize import nnls
 
         columns = [np.asarray(one, dtype=np.float64) for one in (frequency, storage, loss)]
-        for name, one in zip(("frequency", "storage", "loss"), columns, strict=True):
-            if one.ndim != 1 or one.shape != columns[0].shape or len(one) < 2:
-                raise InputError(f"shape of {name}", one.shape, "columns of one length, two rows or more")
-            if not (np.isfinite(one) & (one > 0 if name != "loss" else one >= 0)).all():
-                raise InputError(name, float(one.min()), "finite numbers above 0")
+        for name, column in zip(("frequency", "storage", "loss"), columns, strict=True):
+            if column.ndim != 1 or column.shape != columns[0].shape or len(column) < 2:
+                raise InputError(f"shape of {name}", column.shape, "columns of one length, two rows or more")
+            if not (np.isfinite(column) & (column > 0 if name != "loss" else column >= 0)).all():
+                raise InputError(name, float(column.min()), "finite numbers above 0")
         number("density", density, "1", above=0, maximum=10)
         f, wanted = columns[0], columns[1] + 1j * columns[2]
         ends = np.log10(1 / (2 * np.pi * f.max())) - MARGIN, np.log10(1 / (2 * np.pi * f.min())) + MARGIN
@@ -220,9 +220,9 @@ class Prony(Shown):
     @property
     def key(self) -> float:
         """A whole number by which maps name it, the same in every process; asked for once, it is found by that."""
-        found = float(int(hashlib.sha256(json.dumps(self.arguments).encode()).hexdigest()[:13], 16))
-        _KNOWN[found] = self
-        return found
+        digest = float(int(hashlib.sha256(json.dumps(self.arguments).encode()).hexdigest()[:13], 16))
+        _KNOWN[digest] = self
+        return digest
 
 
 @cache

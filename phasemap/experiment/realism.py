@@ -137,9 +137,9 @@ def _drift(value: object) -> tuple[float, float, float]:
     """Drift as three lengths [m]."""
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence) or len(value) != 3:
         raise InputError("drift", value, "three lengths in m, (x, y, z)")
-    x, y, z = (number(f"drift {axis}", one, "m") for axis, one in zip("xyz", value, strict=True))
-    for axis, one in zip("xyz", (x, y, z), strict=True):
-        question(f"drift {axis}", one, "m", (1e-15, 1e-4))
+    x, y, z = (number(f"drift {axis}", length, "m") for axis, length in zip("xyz", value, strict=True))
+    for axis, length in zip("xyz", (x, y, z), strict=True):
+        question(f"drift {axis}", length, "m", (1e-15, 1e-4))
     return x, y, z
 
 

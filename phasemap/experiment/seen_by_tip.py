@@ -228,16 +228,16 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Any) ->
 def _depths(surface: Surface, given: Any) -> Array:
     """The depths that the user gives [m], one or for each pixel."""
     allowed = "one finite number or a map of them, in m"
-    found = as_array("depth", numbers("depth", given, "m"), allowed)
-    if found.dtype.kind not in "fiu":
+    depths = as_array("depth", numbers("depth", given, "m"), allowed)
+    if depths.dtype.kind not in "fiu":
         raise InputError("depth", given, allowed)
-    if found.shape not in ((), surface.shape):
-        raise InputError("shape of depth", found.shape, f"{surface.shape}, or one number")
-    bad = ~np.isfinite(found) & np.isfinite(surface.modulus)
+    if depths.shape not in ((), surface.shape):
+        raise InputError("shape of depth", depths.shape, f"{surface.shape}, or one number")
+    bad = ~np.isfinite(depths) & np.isfinite(surface.modulus)
     if bad.any():
-        value = np.broadcast_to(found, bad.shape)[bad][0]
-        raise InputError("depth", value, allowed, "" if found.ndim == 0 else where(bad))
-    return found
+        value = np.broadcast_to(depths, bad.shape)[bad][0]
+        raise InputError("depth", value, allowed, "" if depths.ndim == 0 else where(bad))
+    return depths
 
 
 def _seen_film(thickness: Array | None, seen: Callable[[Array], Array]) -> Array | None:
@@ -262,13 +262,13 @@ class _Seen:
         """The mean of a map under ``weight(r2, a)`` [1 of m2, m], which ends at hypot(a, beyond)."""
         if np.nanmin(values) == np.nanmax(values):
             return values
-        found = np.zeros(values.shape)
+        mean = np.zeros(values.shape)
         at = np.interp(self.radius, self.levels, np.arange(len(self.levels)))
         for level, a in enumerate(self.levels):
             part = np.maximum(1 - np.abs(at - level), 0.0)
             if part.any():
-                found += np.where(part > 0, part * self._mean(values, weight, float(a), beyond), 0.0)
-        return found
+                mean += np.where(part > 0, part * self._mean(values, weight, float(a), beyond), 0.0)
+        return mean
 
     def _mean(self, values: Array, weight: Callable[[Array, float], Array], a: float, beyond: float) -> Array:
         """The mean under the weight of one disc; NaN where there is no material, which counts nowhere else."""

@@ -138,8 +138,8 @@ class Surface(Maps):
         ny_nx = common_shape(maps, shape)
         check_relaxing(maps)
         for name in given:
-            one = maps.get(name)
-            whole = one if one is None or is_lazy(one) else np.broadcast_to(one, ny_nx)
+            values = maps.get(name)
+            whole = values if values is None or is_lazy(values) else np.broadcast_to(values, ny_nx)
             object.__setattr__(self, name, whole)
         sides = pixel_sides(pixel_size)
         check_spacing(given, sides)

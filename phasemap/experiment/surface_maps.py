@@ -92,8 +92,8 @@ def variable_in_si(variable: xr.DataArray, name: str) -> Any:
     values = variable.data if is_lazy(variable) else variable.to_numpy()
     if values.dtype.kind not in "fiu":  # which `Surface` refuses
         return values
-    found = in_si_of(values, variable, name, QUANTITIES[name].unit)
-    return found if found is values or is_lazy(found) else read_only(np.asarray(found))
+    converted = in_si_of(values, variable, name, QUANTITIES[name].unit)
+    return converted if converted is values or is_lazy(converted) else read_only(np.asarray(converted))
 
 
 PIXEL = (0.01e-9, 10e-6)  # m, of pixels in practice
@@ -103,10 +103,10 @@ _NO_BOUNDS = (("minimum", -math.inf), ("above", -math.inf), ("maximum", math.inf
 
 def property_map(name: str, value: Any, allow_nan: bool) -> Any:
     """Map that a surface keeps, from what the user gave; None stays None."""
-    found = _in_si(name, value)
-    if found is None:
+    converted = _in_si(name, value)
+    if converted is None:
         return None
-    return lazy_map(name, found) if is_lazy(found) else _as_map(name, found, allow_nan)
+    return lazy_map(name, converted) if is_lazy(converted) else _as_map(name, converted, allow_nan)
 
 
 def _in_si(name: str, value: Any) -> Any:

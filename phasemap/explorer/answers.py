@@ -71,15 +71,15 @@ def picture(setting: Setting) -> DrawnImage:
     labels, relief = setting.subject.sample_under(setting.scope.tip)
     labels = np.ascontiguousarray(labels[::step, ::step])
     work, ds = _solved(setting)
-    there = set(np.unique(labels).tolist())
+    shown = set(np.unique(labels).tolist())
     known = [0] * len(work) if setting.quick else regimes(work, accuracy_of(setting.scope).periods)
-    found = {
-        name: _found(setting, name, ds, i, bool(known[i] == BISTABLE)) if i in there else None
+    described = {
+        name: _found(setting, name, ds, i, bool(known[i] == BISTABLE)) if i in shown else None
         for i, name in enumerate(setting.materials)
     }
-    first, second = (found[name] for name in setting.pair)
+    first, second = (described[name] for name in setting.pair)
     about = {
-        "materials": [None if one is None else _plain(one, setting) for one in found.values()],
+        "materials": [None if one is None else _plain(one, setting) for one in described.values()],
         "why": lines_of(first, second, LAG if setting.lag else PHASE) if first and second else [],
         "free_amplitude": setting.scope.driven_amplitude,
         "lever": lever_in_water(setting.scope.cantilever) if setting.in_water else "",
@@ -90,7 +90,7 @@ def picture(setting: Setting) -> DrawnImage:
     height = ds["height"].values[labels]
     if relief is not None:
         height = height + relief[::step, ::step]
-    return _picture(setting, ds.isel(material=sorted(there)), about, height, ds["phase"].values[labels], "materials")
+    return _picture(setting, ds.isel(material=sorted(shown)), about, height, ds["phase"].values[labels], "materials")
 
 
 def lever_in_water(lever: Cantilever) -> str:
@@ -152,13 +152,13 @@ def curves(setting: Setting) -> dict[str, Any]:
         piece), the jumps of approach and retract, the working point, and deflection [nm] and force [nN] over a
         period, which is None of what only the march in time knows. None for one that the law of contact cannot have.
     """
-    found: dict[str, Any] = {}
+    by_material: dict[str, Any] = {}
     for name in dict.fromkeys(setting.pair):
         try:
-            found[name] = _curve(setting, setting.materials[name])
+            by_material[name] = _curve(setting, setting.materials[name])
         except InputError:  # a material that the law of contact cannot have; the picture says so
-            found[name] = None
-    return found
+            by_material[name] = None
+    return by_material
 
 
 def contrast_map(setting: Setting) -> dict[str, Any]:
@@ -320,18 +320,18 @@ def _period(ds: xr.Dataset, tip_offset: float, phase: float) -> dict[str, Any] |
     away = np.abs(here["phase"].values - phase)
     if not (away < SAME).any():
         return None
-    one = here.isel(direction=int(np.nanargmin(away)))
+    orbit = here.isel(direction=int(np.nanargmin(away)))
     return {
         "surface": tip_offset * 1e9,
-        "deflection": _numbers(one["trace_deflection"].values * 1e9, 4),
-        "force": _numbers(one["trace_force"].values * 1e9, 4),
+        "deflection": _numbers(orbit["trace_deflection"].values * 1e9, 4),
+        "force": _numbers(orbit["trace_force"].values * 1e9, 4),
     }
 
 
 def _numbers(values: NDArray[Any], digits: int) -> Any:
     """Numbers as JSON has them, None for those that are not finite."""
 
-    def plain(one: Any) -> Any:
-        return list(map(plain, one)) if isinstance(one, list) else one if math.isfinite(one) else None
+    def plain(value: Any) -> Any:
+        return list(map(plain, value)) if isinstance(value, list) else value if math.isfinite(value) else None
 
     return plain(np.round(values, digits).tolist())

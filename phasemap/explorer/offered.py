@@ -73,13 +73,13 @@ class Offered:
             path = Path(folder, Path(name.replace("\\", "/")).name or "file")
             path.write_bytes(content)
             try:
-                found = opened(path)
+                offer = opened(path)
             except FileError as error:
                 raise FileError(str(error).replace(str(path), path.name)) from None
         while len(self._open) >= KEPT:
             del self._open[next(one for one in self._open if one != self.first)]
-        self._open[found.subject.name] = found
-        return found.subject.name
+        self._open[offer.subject.name] = offer
+        return offer.subject.name
 
     def _found(self, name: object) -> Opened:
         """The open subject of this name, or a sample, which is opened when it is first asked for."""

@@ -56,10 +56,10 @@ def answers() -> dict[str, Callable[[Setting], Answer]]:
 
     def doing(setting: Setting) -> Answer:
         if compiling.going_on:
-            said = f"compiling the solvers, only this once: {time.monotonic() - compiling.first:.0f}\u00a0s so far …"
+            text = f"compiling the solvers, only this once: {time.monotonic() - compiling.first:.0f}\u00a0s so far …"
         else:
-            said = far_off(setting.scope) or "solving …"
-        return JSON, to_json({"doing": said})
+            text = far_off(setting.scope) or "solving …"
+        return JSON, to_json({"doing": text})
 
     def save(name: str) -> Callable[[Setting], Answer]:
         def saved(setting: Setting) -> Answer:

@@ -70,21 +70,21 @@ def values_of(subject: Subject) -> dict[str, Any]:
     parts = {part: getattr(scope, part) for part in PARTS} | {"scan": subject.options, "control": control}
     parts |= {"realism": subject.realism, "detector": Detector(scope.detector)}
     parts["drive.second"] = scope.drive.second or FIRST_ALONE
-    found: dict[str, Any] = {}
-    for one in _declared():
-        key, (part, _, name) = one["key"], one["key"].rpartition(".")
-        if "presets" in one or key == LOSSES:
+    values: dict[str, Any] = {}
+    for declared in _declared():
+        key, (part, _, name) = declared["key"], declared["key"].rpartition(".")
+        if "presets" in declared or key == LOSSES:
             continue
         if part == "materials.*":
             for i, value in enumerate(getattr(material, name) for material in subject.materials.values()):
-                found[f"materials.{i}.{name}"] = spectrum_name(value) if isinstance(value, Prony) else value
+                values[f"materials.{i}.{name}"] = spectrum_name(value) if isinstance(value, Prony) else value
         elif name == "environment":
-            found[key] = GIVEN
+            values[key] = GIVEN
         else:
-            found[key] = parts[part].get(name) if isinstance(parts[part], Mapping) else getattr(parts[part], name)
-    contact, modes = found["interaction.contact"], len(scope.cantilever.eigenmodes)
+            values[key] = parts[part].get(name) if isinstance(parts[part], Mapping) else getattr(parts[part], name)
+    contact, modes = values["interaction.contact"], len(scope.cantilever.eigenmodes)
     law = contact.name if isinstance(contact, ContactLaw) else contact
-    return found | {"interaction.contact": law, "cantilever.modes": modes}
+    return values | {"interaction.contact": law, "cantilever.modes": modes}
 
 
 @cache
@@ -153,9 +153,9 @@ class Setting:
         control = _control(subject.options.get("control") or Engage(), changes.get("control", {}))
         one_loss = of_one_loss(materials, scope)
         pair = _pair(names, message.get("pair"))
-        said = tuple(dict.fromkeys(warnings or ()))
+        told = tuple(dict.fromkeys(warnings or ()))
         return cls(
-            subject, scope, setpoint, control, realism, _alike(one_loss), pair, **switches, warnings=said,
+            subject, scope, setpoint, control, realism, _alike(one_loss), pair, **switches, warnings=told,
             changes=changes,
         )  # fmt: skip
 
@@ -279,8 +279,8 @@ def _second(drive: Drive, values: dict[str, Any]) -> Mode | None:
     if not values:
         return drive.second
     check_keys("drive.second", values, FIRST_ALONE)
-    found = {**{name: getattr(drive.second, name, FIRST_ALONE[name]) for name in FIRST_ALONE}, **values}
-    return None if found["free_amplitude"] is None else Mode(**found)
+    merged = {**{name: getattr(drive.second, name, FIRST_ALONE[name]) for name in FIRST_ALONE}, **values}
+    return None if merged["free_amplitude"] is None else Mode(**merged)
 
 
 def _control(base: Control, values: dict[str, Any]) -> Control:

@@ -49,8 +49,8 @@ def values_of(
 def joined_notes(*notes: Mapping[str, float]) -> dict[str, float]:
     """Findings of a control in parts of an image, joined: counts add up, the others are the same in all parts."""
     joined: dict[str, float] = {}
-    for one in notes:
-        joined |= {name: value + joined.get(name, 0) if name in COUNTS else value for name, value in one.items()}
+    for part in notes:
+        joined |= {name: value + joined.get(name, 0) if name in COUNTS else value for name, value in part.items()}
     return joined
 
 

@@ -98,11 +98,11 @@ class Checkpoint:
         first = 0
         while first in kept:
             last = kept[first]
-            found = _read(self.folder / self._lines(first, last))
-            if not found:
+            arrays = _read(self.folder / self._lines(first, last))
+            if not arrays:
                 return
-            notes = {name: value.item() for name, value in _of_kind("note", found).items()}
-            yield FilledLines(first, last, _of_kind("variable", found), notes, _of_kind("state", found))
+            notes = {name: value.item() for name, value in _of_kind("note", arrays).items()}
+            yield FilledLines(first, last, _of_kind("variable", arrays), notes, _of_kind("state", arrays))
             first = last
 
     def keep(self, lines: FilledLines) -> None:
@@ -175,10 +175,10 @@ def _identity(surface: Surface, law: ContactLaw, configuration: Mapping[str, Any
 def _read(file: Path) -> Values:
     """The arrays in a file; empty if there is none, or it is damaged."""
     try:
-        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as found:
-            if found.zip.testzip() is not None:
+        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as archive:
+            if archive.zip.testzip() is not None:
                 return {}
-            arrays = dict(found)
+            arrays = dict(archive)
             return arrays if set(arrays.pop(LIST).tolist()) == set(arrays) else {}
     except Exception:  # whatever the libraries meet in a damaged file
         return {}

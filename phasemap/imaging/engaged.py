@@ -166,9 +166,9 @@ def _fill(job: Job, plan: PixelPlan, canvas: Canvas, _state: None) -> None:
 
 def material_numbers(job: Job, materials: Array) -> MaterialNumbers:
     """Function that gives the number, among all materials of the surface, of each pixel of a range."""
-    found = job.surface.found
-    if found is not None and found[0] is materials:
-        inverse = found[1].reshape(-1)
+    distinct = job.surface.found
+    if distinct is not None and distinct[0] is materials:
+        inverse = distinct[1].reshape(-1)
         return lambda part: inverse[part]
     known = Distinct(len(materials))
     known.add(materials)

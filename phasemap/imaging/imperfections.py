@@ -89,19 +89,19 @@ def finish(image: xr.Dataset, realism: Realism) -> xr.Dataset:
     for name in DIGITISED:
         if name not in image:
             continue
-        one, comments = image[name], []
+        variable, comments = image[name], []
         deviation = {"height": realism.line_offset, "phase": realism.phase_offset}.get(name, 0.0)
         if deviation:
-            lines = one.isel(x=0, drop=True)  # one random number for each line and direction
-            one = one + lines.copy(data=generator(realism.seed, name).normal(0.0, deviation, lines.shape))
+            lines = variable.isel(x=0, drop=True)  # one random number for each line and direction
+            variable = variable + lines.copy(data=generator(realism.seed, name).normal(0.0, deviation, lines.shape))
             comments.append(f"random offsets of lines, standard deviation {deviation:g}, seed {realism.seed}")
         step = None
         if realism.bits is not None:
-            one, step = _quantised(one, realism.bits)
+            variable, step = _quantised(variable, realism.bits)
             comments.append(f"quantised to {realism.bits} bits")
         if comments:
             more = {} if step is None else {"quantisation_step": step}
-            changed[name] = one.assign_attrs(image[name].attrs, comment="; ".join(comments), **more)
+            changed[name] = variable.assign_attrs(image[name].attrs, comment="; ".join(comments), **more)
     return image.assign(changed) if changed else image
 
 

@@ -90,15 +90,15 @@ class Job:
     def solve(self, materials: Array, progress: Progress | None = None) -> Values:
         """Variables of distinct materials, one entry a material."""
 
-        def solve(some: Array, later: Progress | None) -> Values:
-            bare, needs = cache(partial(self._bare, some)), self.needs
+        def solve(chunk: Array, later: Progress | None) -> Values:
+            bare, needs = cache(partial(self._bare, chunk)), self.needs
 
             def widen(part: Work, rows: Array, used: NDArray[np.int8], at: NDArray[np.intp]) -> Array:
                 return widened(rows, part, used, self.scope, lambda: bare()[at], needs)
 
             more = None if set(OF_ORBITS).isdisjoint(needs) else widen
             rows, status, used = run(
-                self.solver, self.work(some), self.accuracy, threads=self.workers, progress=later, widen=more
+                self.solver, self.work(chunk), self.accuracy, threads=self.workers, progress=later, widen=more
             )
             return values_of(self.names, rows, status, used, self.scope)
 
@@ -124,10 +124,10 @@ class Job:
         count = len(materials)
 
         def solved(part: slice) -> Values:
-            found = solve(materials[part], _shifted(progress, part.start, count))
+            values = solve(materials[part], _shifted(progress, part.start, count))
             if progress is not None and count:
                 progress(min(part.stop, count), count)  # with materials that are refused, which no solver counts
-            return found
+            return values
 
         total = max(count, 1)
         if self.memo is None:

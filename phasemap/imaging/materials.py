@@ -149,11 +149,11 @@ def _all_of_few(surface: Surface, most: int, workers: int) -> Array | None:
         return known.materials.copy() if taken else None
 
     a_thread = max(BLOCK, -(-pixels // workers))
-    found = found_in(few_in, bounds_of(pixels, a_thread), workers)
-    if len(found) == 1:
-        return found[0]
+    parts = found_in(few_in, bounds_of(pixels, a_thread), workers)
+    if len(parts) == 1:
+        return parts[0]
     known = Distinct(min(most, pixels))
-    taken = all(some is not None and known.add(some) == len(some) for some in found)
+    taken = all(some is not None and known.add(some) == len(some) for some in parts)
     return known.materials.copy() if taken else None
 
 
@@ -164,8 +164,8 @@ def _parts(first: int, last: int) -> list[slice]:
 
 def _each_once(materials: Array) -> Array:
     """Rows of materials in order, each once, without those of pixels without one."""
-    there = np.isfinite(materials[:, :PLAIN]).all(axis=1) & ~np.isnan(materials).any(axis=1)
-    finite = materials[there] + 0.0  # -0 is 0
+    has_material = np.isfinite(materials[:, :PLAIN]).all(axis=1) & ~np.isnan(materials).any(axis=1)
+    finite = materials[has_material] + 0.0  # -0 is 0
     ordered = finite[np.lexsort(finite.T[::-1])]
     differs = np.ones(len(ordered), np.bool_)
     differs[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)

@@ -76,12 +76,12 @@ def _plan(job: Job, survey: Survey, _before: OrbitTable | Interpolants | None) -
 def _table(job: Job, materials: Array, progress: Progress | None) -> OrbitTable:
     """Solve the branches of materials."""
 
-    def solve(some: Array, later: Progress | None) -> Values:
-        work = job.work(some)
-        found = stable_branches(work, job.solver, job.accuracy, job.workers, later)
-        rows = job.widened(found.rows, found.solver, work, some)
-        orbits = dict(zip(WALKED, found.orbits, strict=True))
-        return {**values_of(job.names, rows, found.status, found.solver, job.scope), **orbits}
+    def solve(chunk: Array, later: Progress | None) -> Values:
+        work = job.work(chunk)
+        branches = stable_branches(work, job.solver, job.accuracy, job.workers, later)
+        rows = job.widened(branches.rows, branches.solver, work, chunk)
+        orbits = dict(zip(WALKED, branches.orbits, strict=True))
+        return {**values_of(job.names, rows, branches.status, branches.solver, job.scope), **orbits}
 
     return OrbitTable(materials, job.in_chunks(materials, solve, progress))
 
@@ -158,9 +158,9 @@ def _table_on_way(
         if not len(asked):
             break
         known = branches.rows[ENGAGED, asked], branches.status[ENGAGED, asked], branches.solver[ENGAGED, asked]
-        found = stable_branches(job.work(materials[asked]), job.solver, job.accuracy, job.workers, engaged=known)
-        branches.put(asked, found)
-        orbits.stable[:, asked], orbits.offsets[:, asked] = found.stable, found.orbits.offsets
+        solved = stable_branches(job.work(materials[asked]), job.solver, job.accuracy, job.workers, engaged=known)
+        branches.put(asked, solved)
+        orbits.stable[:, asked], orbits.offsets[:, asked] = solved.stable, solved.orbits.offsets
         ahead = min(2 * ahead, farthest)
     values = values_of(job.names, branches.rows, branches.status, branches.solver, job.scope)
     return OrbitTable(materials, {**values, **dict(zip(WALKED, orbits, strict=True))})
@@ -202,11 +202,11 @@ def _asked(slots: NDArray[np.int8], numbers: NDArray[np.int32], orbits: StableOr
         line, place = np.nonzero(slots[way] < 0)
         side = orbits.engaged[numbers[line, place]]
         for step in range(min(ahead, pixels)):
-            there = numbers[line, np.clip(place + onwards * step, 0, pixels - 1)]
-            asked[there[orbits.engaged[there] == side]] = True
+            met = numbers[line, np.clip(place + onwards * step, 0, pixels - 1)]
+            asked[met[orbits.engaged[met] == side]] = True
         for below in range(1, 1 + ahead // pixels):
-            there = numbers[np.minimum(line + below, lines - 1)]
-            asked[there[orbits.engaged[there] == side[:, np.newaxis]]] = True
+            met = numbers[np.minimum(line + below, lines - 1)]
+            asked[met[orbits.engaged[met] == side[:, np.newaxis]]] = True
     return np.flatnonzero(asked & (orbits.stable == UNKNOWN_ORBIT).any(axis=0))
 
 

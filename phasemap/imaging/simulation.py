@@ -268,9 +268,9 @@ def workspace(realism: Realism) -> int:
 def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Dataset:
     """The image of a surface in memory, and in its attributes what was found out about the materials."""
     surface, scope = job.surface, job.scope
-    found = survey(surface, simulator_of(job.control).most(job), workers=job.workers)
+    surveyed = survey(surface, simulator_of(job.control).most(job), workers=job.workers)
     canvas = Canvas(surface, job.names, job.control.directions)
-    stretches = plan_image(job, found)
+    stretches = plan_image(job, surveyed)
     if checkpoint is None:
         fill_part(job, stretches, canvas)
     else:
@@ -282,7 +282,7 @@ def _in_memory(job: Job, checkpoint: Checkpoint | None, strict: bool) -> xr.Data
     return canvas.image().assign_attrs(
         dict(zip(FORCES, forces_of(largest, viscous, scope), strict=True)),
         modelled="; ".join(modelled(work, scope, surface.topography is not None, job.remembers)),
-        distinct_materials=found.count,
+        distinct_materials=surveyed.count,
     )
 
 

@@ -45,28 +45,28 @@ def check_prior(prior: object, factor: object) -> float:
 def check_known(known: Mapping[int, Material] | None, names: Collection[int], prior: Material) -> dict[int, Material]:
     """Known materials by the label of their region, of which these are there; films where the prior is one."""
     known = dict(known or {})
-    for name, one in known.items():
+    for name, material in known.items():
         if name not in names:
             raise InputError("a region of known material", name, f"one of {', '.join(map(str, names))}")
-        if not isinstance(one, Material):
-            raise InputError(f"known material of region {name}", one, "a Material")
+        if not isinstance(material, Material):
+            raise InputError(f"known material of region {name}", material, "a Material")
         for field in ("relaxation_time", "relaxation"):
-            if (value := getattr(one, field)) is not None:
+            if (value := getattr(material, field)) is not None:
                 raise InputError(f"{field} of region {name}", value, "None where the region is known")
-        if (one.thickness is None) != (prior.thickness is None):
+        if (material.thickness is None) != (prior.thickness is None):
             allowed = "None, as of the prior" if prior.thickness is None else "a number in m, as of the prior"
             hint = "" if prior.thickness is None else "Of a bare one say a thickness far above the tip radius."
-            raise InputError(f"thickness of region {name}", one.thickness, allowed, hint)
+            raise InputError(f"thickness of region {name}", material.thickness, allowed, hint)
     if len(known) == len(names):
         raise InputError("known", Word("every region"), "fewer of them: one at least is to be found")
     return known
 
 
 def add_variable(
-    ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, said: str, units: str = "1", **more: Any
+    ds: xr.Dataset, name: str, dims: str | tuple[str, ...], values: Any, long_name: str, units: str = "1", **more: Any
 ) -> None:
     """Add a variable to a Dataset, with its long name and units."""
-    ds[name] = (dims, values, {"long_name": said, "units": units, **more})
+    ds[name] = (dims, values, {"long_name": long_name, "units": units, **more})
 
 
 def chance(chi2: Any, degrees: Any) -> Any:
@@ -87,25 +87,25 @@ def codes_of(covariance: Array, information: Array | None = None) -> NDArray[np.
 def correlation_of(covariance: Array) -> Array:
     """Correlations of errors with this covariance."""
     size = np.sqrt(np.diag(covariance))
-    found: Array = covariance / np.outer(size, size)
-    np.fill_diagonal(found, 1.0)
-    return found
+    correlation: Array = covariance / np.outer(size, size)
+    np.fill_diagonal(correlation, 1.0)
+    return correlation
 
 
 def say_regions(
     names: list[int], codes: NDArray[np.int8], covariance: NDArray[Any], unknown: NDArray[np.intp]
 ) -> list[str]:
     """A sentence on each region; `codes` is over regions and properties."""
-    said, correlation = [], correlation_of(covariance)
+    sentences, correlation = [], correlation_of(covariance)
     every = [(int(region), name) for region in unknown for name in PARAMETERS]
     for region, label in enumerate(names):
         if (codes[region] == GIVEN).all():
-            said.append(f"Region {label}: given.")
+            sentences.append(f"Region {label}: given.")
             continue
-        words = [name if one == region else f"the {name} of region {names[one]}" for one, name in every]
-        own = [i for i, (one, _) in enumerate(every) if one == region]
-        said.append(f"Region {label}: {say_codes(words, codes[unknown].ravel(), correlation, own)}")
-    return said
+        words = [name if other == region else f"the {name} of region {names[other]}" for other, name in every]
+        indices = [i for i, (other, _) in enumerate(every) if other == region]
+        sentences.append(f"Region {label}: {say_codes(words, codes[unknown].ravel(), correlation, indices)}")
+    return sentences
 
 
 def say_what_helps(zero_unknown: bool, zero_free: bool) -> list[str]:
@@ -118,19 +118,19 @@ def say_what_helps(zero_unknown: bool, zero_free: bool) -> list[str]:
 
 
 def say_codes(
-    names: Sequence[str], codes: NDArray[np.int8], correlation: NDArray[Any], own: Sequence[int] | None = None
+    names: Sequence[str], codes: NDArray[np.int8], correlation: NDArray[Any], indices: Sequence[int] | None = None
 ) -> str:
-    """Sentence on how well unknowns, or those at the indices `own`, are determined."""
+    """Sentence on how well unknowns, or those at the `indices`, are determined."""
     partners = np.abs(correlation)
     np.fill_diagonal(partners, 0.0)
     if (codes == COMBINED).sum() > 1:
         partners[:, codes != COMBINED] = 0.0  # the partner is to be of those in the same case
     parts = []
-    own = range(len(names)) if own is None else own
+    indices = range(len(names)) if indices is None else indices
     for code, word in ((DETERMINED, "determined"), (OPEN, "not identifiable")):
-        if those := [names[i] for i in own if codes[i] == code]:
+        if those := [names[i] for i in indices if codes[i] == code]:
             parts.append(f"{listed(those)} {word}")
     parts += [
-        f"{names[i]} only together with {names[int(np.argmax(partners[i]))]}" for i in own if codes[i] == COMBINED
+        f"{names[i]} only together with {names[int(np.argmax(partners[i]))]}" for i in indices if codes[i] == COMBINED
     ]
     return "; ".join(parts) + "."

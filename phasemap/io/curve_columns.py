@@ -113,10 +113,10 @@ def _text(path: Path) -> str:
 def _heading(lines: Sequence[str], wide: int) -> list[str]:
     """The names that the lines above the numbers give to so many columns, with their units."""
     plain = [line.lstrip("#% ") for line in lines]
-    said = {key: line.partition(":")[2].split() for line in plain for key in ("columns", "units")
+    exported = {key: line.partition(":")[2].split() for line in plain for key in ("columns", "units")
             if line.lower().startswith(f"{key}:")}  # fmt: skip
-    if len(said) == 2:  # as JPK's program exports curves
-        return [f"{name} [{unit}]" for name, unit in zip(said["columns"], said["units"], strict=False)]
+    if len(exported) == 2:  # as JPK's program exports curves
+        return [f"{name} [{unit}]" for name, unit in zip(exported["columns"], exported["units"], strict=False)]
     above = [_words(line, wide) for line in plain[-2:]]
     units = [one.strip("[]()") for one in above[-1]] if len(above) == 2 else []
     if any(units) and len(units) == len(above[0]) and UNITS.issuperset(units):
@@ -132,20 +132,20 @@ def _words(line: str, wide: int) -> list[str]:
 
 def _column(name: str | None, given: bool) -> Column | None:
     """Column of this name, None if it is not used; `given`: the name comes from the user, not from the file."""
-    found = COLUMN.fullmatch(name or "")
-    if not name or found is None:
+    match = COLUMN.fullmatch(name or "")
+    if not name or match is None:
         return None
-    quantity = quantity_of(found["name"])
+    quantity = quantity_of(match["name"])
     if quantity is None:
         if given:
             raise InputError("columns", name, f"{', '.join(NAMES)} with a unit, such as {EXAMPLE}, or None")
         return None
     units = NAMES[quantity][1]
-    unit = (found["unit"] or "").strip()
+    unit = (match["unit"] or "").strip()
     if unit not in units:
         raise InputError(f"unit of the column {name!r}", unit or None, "one of " + ", ".join(units))
-    way = next((one for one, said in WAYS.items() if said.search(found["name"])), None)
-    return Column(quantity, way, *units[unit], "lag" in found["name"].lower())
+    way = next((one for one, pattern in WAYS.items() if pattern.search(match["name"])), None)
+    return Column(quantity, way, *units[unit], "lag" in match["name"].lower())
 
 
 def _parts(columns: Sequence[Column | None], table: np.ndarray) -> Parts:

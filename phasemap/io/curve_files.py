@@ -75,17 +75,17 @@ def _read(path: Path, archive: zipfile.ZipFile, number: int) -> tuple[Parts, Sca
         (name for name in headers if _curve_of(name) == curves[number]), key=lambda name: _digits(name)[-1]
     )
     for header in segments:
-        said = _resolved(_properties(archive, header), shared)
-        style = next((said[key] for key in said if key.endswith("settings.style")), "")
+        properties = _resolved(_properties(archive, header), shared)
+        style = next((properties[key] for key in properties if key.endswith("settings.style")), "")
         if style not in WAYS:
             continue
-        channels = said.get("channels.list", "").split()
+        channels = properties.get("channels.list", "").split()
         channels.sort(key=lambda name: HEIGHTS.index(name) if name in HEIGHTS else len(HEIGHTS))
         for name in channels:
             kind = "distance" if name in HEIGHTS else quantity_of(name)
             if kind is not None and (kind, WAYS[style]) not in parts:
-                parts[kind, WAYS[style]] = _channel(archive, header, said, name, kind, scan)
-        drives = (quantity(value) for key, value in said.items() if key.endswith("feedback-settings.frequency"))
+                parts[kind, WAYS[style]] = _channel(archive, header, properties, name, kind, scan)
+        drives = (quantity(value) for key, value in properties.items() if key.endswith("feedback-settings.frequency"))
         scan.set_known(drive_frequency=next(drives, None))
     return parts, scan
 
@@ -109,23 +109,23 @@ def _properties(archive: zipfile.ZipFile, name: str) -> Properties:
     return {key.strip(): value.strip() for key, value in pairs}
 
 
-def _resolved(said: Properties, shared: Properties) -> Properties:
+def _resolved(properties: Properties, shared: Properties) -> Properties:
     """The properties of a segment with those that it shares, where a link to them stands."""
-    found = dict(said)
-    for key, number in said.items():
+    resolved = dict(properties)
+    for key, number in properties.items():
         if key.endswith(".*"):
             holder, _, section = key.removesuffix(".*").rpartition(".")
             start = f"{section}.{number}."
             more = {one.removeprefix(start): value for one, value in shared.items() if one.startswith(start)}
-            found |= {f"{holder}.{one}" if holder else one: value for one, value in more.items()}
-    return found
+            resolved |= {f"{holder}.{one}" if holder else one: value for one, value in more.items()}
+    return resolved
 
 
 def _channel(
-    archive: zipfile.ZipFile, header: str, said: Properties, name: str, kind: str, scan: ScanData
+    archive: zipfile.ZipFile, header: str, properties: Properties, name: str, kind: str, scan: ScanData
 ) -> tuple[NDArray[np.float64], str]:
     """The values of a channel and their unit, by the calibration it has by default, if that is of its quantity."""
-    channel = {key.removeprefix(f"channel.{name}."): value for key, value in said.items()
+    channel = {key.removeprefix(f"channel.{name}."): value for key, value in properties.items()
                if key.startswith(f"channel.{name}.")}  # fmt: skip
     folder = header.rpartition("/")[0]
     stored = channel.get("data.file.name", f"channels/{name}.dat")
@@ -244,23 +244,23 @@ def _sections(head: str) -> tuple[list[Fields], list[Fields]]:
 
 def _parts(path: Path, content: bytes, known: Fields, channels: list[Fields], number: int) -> Parts:
     """Distance and channels of both ways, without the points that the instrument did not fill."""
-    found: dict[str, tuple[NDArray[np.float64], str]] = {}
+    by_kind: dict[str, tuple[NDArray[np.float64], str]] = {}
     empty: Any = False
     for fields in channels:
         kind = quantity_of(SELECT.sub(r"\g<outside>", fields.get("Image Data", "")))
         raw, ways = _numbers(path, content, known, fields, number)
-        if kind is not None and kind not in found:
-            found[kind] = _scaled(_value(fields["Z scale"]), kind, known, raw)
+        if kind is not None and kind not in by_kind:
+            by_kind[kind] = _scaled(_value(fields["Z scale"]), kind, known, raw)
         empty = empty | (raw == np.iinfo(raw.dtype).min)
-    if "distance" not in found:
+    if "distance" not in by_kind:
         ramp = next(value for key, value in fields.items() if key.startswith("Ramp size"))
         length, unit = _scaled(_value(ramp)._replace(scale=quantity(_value(ramp).value) or 0.0), "distance", known, 1.0)
         steps = np.concatenate([np.arange(count) for count in ways])
-        found["distance"] = length * steps / max(ways), unit
+        by_kind["distance"] = length * steps / max(ways), unit
     parts: Parts = {}
     for way, first, count in zip(DIRECTIONS, (0, ways[0]), ways, strict=True):
         rows = slice(first, first + count)
-        for kind, (values, unit) in found.items():
+        for kind, (values, unit) in by_kind.items():
             parts[kind, way] = values[rows][~empty[rows]], unit
     return parts
 
@@ -285,10 +285,10 @@ def _numbers(
 
 def _value(text: str) -> Value:
     """A value parameter; its hard scale is that of one stored number."""
-    found = VALUE.match(text)
-    scale = SCALE.search(found["hard"] or "") if found else None
-    soft = (found["soft"] or "") if found else ""
-    value = found["value"] if found else ""
+    match = VALUE.match(text)
+    scale = SCALE.search(match["hard"] or "") if match else None
+    soft = (match["soft"] or "") if match else ""
+    value = match["value"] if match else ""
     return Value(soft, float(scale["number"]) if scale else 1.0, scale["unit"] if scale else value.split()[-1], value)
 
 

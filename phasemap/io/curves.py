@@ -114,8 +114,8 @@ def _curve_of_sweep(path: Path) -> tuple[Parts, ScanData, dict[str, str]]:
             parts[name, way] = np.asarray(ds[name].isel(direction=i).values), "m" if name == "amplitude" else "degree"
     if not is_simulated(ds):
         return parts, ScanData(), {}
-    said = {name: value for name, value in settings_of_image(ds).items() if name in CANONICAL}
-    return parts, ScanData(said), {"configuration": ds.attrs["configuration"]}
+    settings = {name: value for name, value in settings_of_image(ds).items() if name in CANONICAL}
+    return parts, ScanData(settings), {"configuration": ds.attrs["configuration"]}
 
 
 def _assembled(path: Path, parts: Parts) -> xr.Dataset:
@@ -135,19 +135,20 @@ def _assembled(path: Path, parts: Parts) -> xr.Dataset:
     quantities = [one for one in NAMES if all((one, way) in parts for way in ways)]
     real = {way: (parts["distance", way][0] != 0) | (parts["amplitude", way][0] != 0) for way in ways}  # not padded
     most = max(int(mask.sum()) for mask in real.values())
-    found: dict[str, Any] = {}
-    for one in quantities:
+    variables: dict[str, Any] = {}
+    for quantity in quantities:
         values = np.full((len(ways), most), np.nan)
         for row, way in zip(values, ways, strict=True):
-            row[: real[way].sum()] = parts[one, way][0][real[way]]
-        found[one] = (("direction", "point"), values, {"long_name": f"recorded {one}", "units": parts[one, ways[0]][1]})
-    ds = xr.Dataset(found, {"direction": ways})
+            row[: real[way].sum()] = parts[quantity, way][0][real[way]]
+        about = {"long_name": f"recorded {quantity}", "units": parts[quantity, ways[0]][1]}
+        variables[quantity] = (("direction", "point"), values, about)
+    ds = xr.Dataset(variables, {"direction": ways})
     if "phase" in ds and ds["phase"].attrs["units"] == "lag":
         ds["phase"].attrs |= {"units": "degree", "counts": "lag"}
     z, amplitude = (ds[name].values[np.isfinite(ds["distance"].values)] for name in ("distance", "amplitude"))
     if np.cov(z, amplitude)[0, 1] < 0:
         ds["distance"] = -ds["distance"]
-    ds["distance"] = (ds["distance"] - ds["distance"].min()).assign_attrs(found["distance"][2])
+    ds["distance"] = (ds["distance"] - ds["distance"].min()).assign_attrs(variables["distance"][2])
     return ds
 
 

@@ -131,12 +131,12 @@ def _write_gsf(
 
 def _fields(ds: xr.Dataset) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
     """Name, title, values and bad pixels of each real variable and direction."""
-    found = _real(ds)
-    if not found:
+    variables = _real(ds)
+    if not variables:
         raise InputError(
             "the image", Word("one of " + ", ".join(map(str, ds.data_vars))), "one with a real map over ('y', 'x')"
         )
-    for name in found:
+    for name in variables:
         directions = ds["direction"].values.tolist() if "direction" in ds[name].dims else [None]
         for direction in directions:
             image = ds if direction is None else ds.sel(direction=direction)
@@ -181,8 +181,8 @@ def _size(ds: xr.Dataset) -> tuple[float, float]:
 
 def _notes(ds: xr.Dataset) -> dict[str, str]:
     """Settings and remarks of an image, as texts that `phasemap.read_image` reads back."""
-    said = settings_of_image(ds)
-    known = {name: number(f"attribute {name}", said[name], "") for name in CANONICAL if name in said}
+    settings = settings_of_image(ds)
+    known = {name: number(f"attribute {name}", settings[name], "") for name in CANONICAL if name in settings}
     numbers = {name: f"{value!r} {CANONICAL[name]}" for name, value in known.items()}
     return {name: str(ds.attrs[name]) for name in NOTES if name in ds.attrs} | numbers
 
@@ -235,12 +235,12 @@ def to_sidpy(image: xr.Dataset) -> dict[str, Any]:
     for name in [*first, *(one for one in names if one not in first)]:
         values = image[name]
         for direction in values["direction"].values if "direction" in values.dims else [None]:
-            one = values if direction is None else values.sel(direction=direction)
+            channel = values if direction is None else values.sel(direction=direction)
             told = image.attrs.get("direction", "trace") if direction is None else direction
             quantity = QUANTITIES.get(name, name) + ("" if told == "trace" else str(told).title())
-            data = sidpy.Dataset.from_array(np.asarray(one.transpose("x", "y").values, float), title=quantity)
+            data = sidpy.Dataset.from_array(np.asarray(channel.transpose("x", "y").values, float), title=quantity)
             data.data_type, data.quantity = "image", quantity
-            units = str(one.attrs.get("units", "1"))
+            units = str(channel.attrs.get("units", "1"))
             data.units, data.modality, data.source = WRITTEN.get(units, units), "AFM", "phasemap"
             for axis, dim in enumerate(("x", "y")):
                 about = {"name": dim, "units": "m", "quantity": "Length", "dimension_type": "spatial"}

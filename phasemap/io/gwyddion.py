@@ -63,9 +63,9 @@ class Channel:
     @property
     def direction(self) -> str:
         """Return "trace" or "retrace", or "" where the file does not say."""
-        said = next((self.metadata[key] for key in _DIRECTION_KEYS if self.metadata.get(key)), "")
-        found = _DIRECTION.search(said) or _DIRECTION.search(self.name)
-        return _DIRECTIONS[found[1].lower()] if found else ""
+        stated = next((self.metadata[key] for key in _DIRECTION_KEYS if self.metadata.get(key)), "")
+        match = _DIRECTION.search(stated) or _DIRECTION.search(self.name)
+        return _DIRECTIONS[match[1].lower()] if match else ""
 
     @property
     def base(self) -> str:
@@ -92,10 +92,10 @@ def load_channels(path: Path) -> list[Channel]:
             converted = Path(folder, "converted.gwy")
             reader.run_converter(path, converted)
             check_fits(f"{path}, read,", COPIES * converted.stat().st_size, "Take a smaller part of the image.")
-            found = list(reader.parse_gwy(converted).channels.values())
+            raw = list(reader.parse_gwy(converted).channels.values())
             masks = _masks(converted, native)
             with np.errstate(all="ignore"):  # of bytes that are not numbers
-                data = [np.where(mask, np.nan, one.data) * _volts(one) for one, mask in zip(found, masks, strict=True)]
+                data = [np.where(mask, np.nan, one.data) * _volts(one) for one, mask in zip(raw, masks, strict=True)]
     except reader.ConverterNotFoundError as error:
         raise PhasemapError(
             'reading measured files needs the package "gwyddionpy-converter": run pip install "afm-phasemap[read]".'
@@ -105,10 +105,11 @@ def load_channels(path: Path) -> list[Channel]:
     except Exception as error:  # the readers pass on what they meet where a file is damaged
         raise FileError(f"cannot read {path}: {_other_kind(path) or _reason(str(error))}.") from error
     channels = []
-    for one, values in zip(found, data, strict=True):
-        if one.meta.get("Scan Line") != "Interleave":
-            said = {key: _repaired(value) for key, value in one.meta.items()}
-            channels.append(Channel(one.name, values, one.si_unit_z, one.si_unit_xy, (one.yreal, one.xreal), said))
+    for channel, values in zip(raw, data, strict=True):
+        if channel.meta.get("Scan Line") != "Interleave":
+            metadata = {key: _repaired(value) for key, value in channel.meta.items()}
+            units, sides = (channel.si_unit_z, channel.si_unit_xy), (channel.yreal, channel.xreal)
+            channels.append(Channel(channel.name, values, *units, sides, metadata))
     if channels and {one.name for one in channels} <= COLOURS:
         raise FileError(f"cannot use {path}: it is a picture, which has no units.")
     if not channels:
@@ -156,10 +157,10 @@ def _other_kind(path: Path) -> str:
 
 def _reason(error: str) -> str:
     """Reason why a file cannot be read, in words for its user."""
-    said = next((found[1].rstrip(".") for found in (re.search(form, error) for form in _SAID) if found), "")
-    if not said or _NO_REASON.match(said):
+    reason = next((found[1].rstrip(".") for found in (re.search(form, error) for form in _SAID) if found), "")
+    if not reason or _NO_REASON.match(reason):
         return "it is damaged, cut short, or of no format that Gwyddion reads"
-    return said
+    return reason
 
 
 def _volts(channel: Any) -> float:

@@ -193,10 +193,10 @@ def smoothed(values: np.ndarray) -> np.ndarray:
     return _in_order(least, between, largest)[1]
 
 
-def _in_order(one: np.ndarray, two: np.ndarray, three: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _in_order(first: np.ndarray, second: np.ndarray, third: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The smallest, the middle and the largest of three."""
-    low, high = np.minimum(one, two), np.maximum(one, two)
-    return np.minimum(low, three), np.maximum(low, np.minimum(high, three)), np.maximum(high, three)
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    return np.minimum(low, third), np.maximum(low, np.minimum(high, third)), np.maximum(high, third)
 
 
 def _channels(image: xr.Dataset) -> list[str]:
@@ -234,10 +234,10 @@ def _settle(aligned: np.ndarray, n: int, otsu: Callable[..., np.ndarray]) -> tup
     labels = np.full(aligned.shape, -1)
     for _ in range(20):  # measured images settle in 3 to 6 passes
         smooth = smoothed(aligned)
-        found = np.digitize(smooth, _thresholds(otsu, smooth, n))
-        if np.array_equal(found, labels):
+        new_labels = np.digitize(smooth, _thresholds(otsu, smooth, n))
+        if np.array_equal(new_labels, labels):
             break
-        labels = found
+        labels = new_labels
         levels = np.array([np.median(aligned[labels == k]) if np.any(labels == k) else 0.0 for k in range(n)])
         aligned = aligned - np.median(aligned - levels[labels], axis=1, keepdims=True)
     return aligned, labels, float(np.mean(np.abs(aligned - levels[labels])))

@@ -140,8 +140,8 @@ def settings_of_image(image: xr.Dataset) -> dict[str, Any]:
 
     Of several setpoints it is that of the coordinate, where one was selected.
     """
-    one = image.coords.get("setpoint")
-    selected = {} if one is None or one.ndim else {"setpoint": float(one)}
+    setpoint = image.coords.get("setpoint")
+    selected = {} if setpoint is None or setpoint.ndim else {"setpoint": float(setpoint)}
     return {**_of_simulation(image.attrs), **selected, **image.attrs}
 
 
@@ -156,10 +156,10 @@ def _of_simulation(attrs: Mapping[Any, Any]) -> dict[str, float]:
         told = json.loads(attrs["configuration"])
         scope = microscope_of_configuration(told["microscope"])
         setpoint = told.get("setpoint")
-        found = _of_microscope(scope, setpoint if isinstance(setpoint, int | float) else None, told.get("control", {}))
+        known = _of_microscope(scope, setpoint if isinstance(setpoint, int | float) else None, told.get("control", {}))
     except NOT_OURS:
         return {}
-    return {name: value for name, value in found.items() if name != "phase_zero" or "levelled" not in attrs}
+    return {name: value for name, value in known.items() if name != "phase_zero" or "levelled" not in attrs}
 
 
 def recorded_microscope(attrs: Mapping[Any, Any]) -> tuple[Microscope, str] | None:
@@ -215,10 +215,10 @@ def day_of(text: str | None) -> float | None:
 
 def quantity(text: str | None) -> float | None:
     """A number with its unit in SI units, a percentage as a fraction; None where there is none."""
-    found = _NUMBER.match(text or "")
-    if not found or found[2].startswith(","):  # a decimal comma
+    match = _NUMBER.match(text or "")
+    if not match or match[2].startswith(","):  # a decimal comma
         return None
-    number, unit = float(found[1]), found[2].removesuffix("<sup>-1</sup>")
+    number, unit = float(match[1]), match[2].removesuffix("<sup>-1</sup>")
     if unit == "%":
         return number / 100
     if unit in _UNITS or unit[:1] not in _PREFIXES or unit[1:] not in _UNITS:

@@ -154,9 +154,9 @@ def _choose(
         only = directions[0]  # or what there is in its place
         chosen = {kind: {only: group.get(only, next(iter(group.values())))} for kind, group in chosen.items()}
     for kind in ("amplitude", "amplitude_error"):
-        found = next((group for group in groups[kind] if set(directions) <= set(group)), None)
-        if found:
-            chosen[kind] = found
+        complete = next((group for group in groups[kind] if set(directions) <= set(group)), None)
+        if complete:
+            chosen[kind] = complete
     return {kind: {one: chosen[kind][one] for one in directions} for kind in KINDS if kind in chosen}, directions
 
 
@@ -289,14 +289,14 @@ def read_netcdf(path: Path) -> xr.Dataset:
 
 def _converted(path: Path, ds: xr.Dataset, name: str, units: dict[str, tuple[float, str]], what: str) -> xr.Dataset:
     """The dataset with a variable in the unit it should have."""
-    values, found = ds[name], ds[name].attrs.get("units")
+    values, stated = ds[name], ds[name].attrs.get("units")
     if values.dtype.kind not in "fiu" or not values.size or (name in ds.coords and values.dims != (name,)):
         raise FileError(f"cannot use {path}: {name} is {values.dtype.name} over {values.dims}, not {what}.")
-    if found is None:
+    if stated is None:
         return ds
-    if not isinstance(found, str) or found not in units:
-        raise FileError(f"cannot use {path}: {name} is in {found!r}, not {what}.")
-    factor, unit = units[found]
-    if factor == 1.0 and unit == found:
+    if not isinstance(stated, str) or stated not in units:
+        raise FileError(f"cannot use {path}: {name} is in {stated!r}, not {what}.")
+    factor, unit = units[stated]
+    if factor == 1.0 and unit == stated:
         return ds
     return ds.assign({name: (ds[name].astype(float) * factor).assign_attrs(ds[name].attrs | {"units": unit})})

@@ -111,11 +111,11 @@ def _nanosurf(scan: ScanData, metadata: Mapping[str, str], path: Path) -> None:
     )
     if "free_amplitude_voltage" in scan.values:
         volts = scan.values["free_amplitude_voltage"]
-        said = f"The free amplitude is {volts:g} V, {NO_SENSITIVITY}"
+        warning = f"The free amplitude is {volts:g} V, {NO_SENSITIVITY}"
         if len(inputs) == 2:
             nanometres = inputs["TipSignalDC"] / inputs["TipSignalDC1"] * 1e9
-            said += f"; with that of the deflection, {nanometres:.4g} nm/V, it would be {volts * nanometres:.4g} nm"
-        scan.warnings.append(said + ".")
+            warning += f"; with that of the deflection, {nanometres:.4g} nm/V, it would be {volts * nanometres:.4g} nm"
+        scan.warnings.append(warning + ".")
     lever = _section(path, rb"\[DataSet\\Calibration\\Cantilever\](.*?)\n\[", rb"(Prop[014])=D\[([^\]]+)\]")
     if len(lever) == 3:
         scan.set_known(stiffness=lever["Prop0"], quality_factor=lever["Prop4"])
@@ -270,8 +270,8 @@ def _section(path: Path, section: bytes, entry: bytes) -> dict[str, float]:
     """Numbers by their keys, from the text in a file that has a section and entries of this form."""
     if not path.is_file():
         return {}
-    found = re.search(section, path.read_bytes(), re.DOTALL)
-    pairs = re.findall(entry, found[1]) if found else []
+    match = re.search(section, path.read_bytes(), re.DOTALL)
+    pairs = re.findall(entry, match[1]) if match else []
     numbers = {key.decode("ascii"): quantity(text.decode("latin-1")) for key, text in pairs}
     return {key: number for key, number in numbers.items() if number is not None}
 
@@ -288,7 +288,7 @@ def amplitude_sensitivity(path: Path) -> float | None:
     """The sensitivity [m/V], if any, by which a JPK file makes metres of the amplitude in its setpoint's volts."""
     if not path.is_file():
         return None
-    said = SETPOINT_SLOT.search(path.read_bytes())
+    named = SETPOINT_SLOT.search(path.read_bytes())
     for tags in _directories(path):
         if tags.get(CHANNEL) != "amplitude":
             continue
@@ -296,7 +296,7 @@ def amplitude_sensitivity(path: Path) -> float | None:
             base = slots.get(slot["base"])
             if slot["unit"] != "m" or base is None or base["unit"] != "V":
                 continue
-            if said is None or said[1].decode("ascii") == slot["base"]:
+            if named is None or named[1].decode("ascii") == slot["base"]:
                 return float(abs(slot["factor"] / base["factor"]))
     return None
 
@@ -311,17 +311,17 @@ def is_quantitative_imaging(path: Path) -> bool:
 
 def _slots(tags: dict[int, Any]) -> dict[str, dict[str, Any]]:
     """The slots of a channel that are proportional to its counts, by their names."""
-    found = {}
+    by_name = {}
     slots = tags.get(SLOTS)
     if not isinstance(slots, int):
         return {}
     for at in range(FIRST, FIRST + LENGTH * min(slots, MOST), LENGTH):
         factor, offset = tags.get(at + FACTOR), tags.get(at + OFFSET)
         if tags.get(at + SCALING) == "LinearScaling" and isinstance(factor, float) and factor and offset == 0:
-            found[str(tags.get(at + NAME))] = {
+            by_name[str(tags.get(at + NAME))] = {
                 "base": tags.get(at + BASE), "unit": tags.get(at + UNIT), "factor": factor,
             }  # fmt: skip
-    return found
+    return by_name
 
 
 def _directories(path: Path) -> Iterator[dict[int, Any]]:

@@ -112,11 +112,11 @@ def given_colours(vmin: Given, vmax: Given, cmap: Any, variables: Mapping[str, s
             elif not isinstance(value, str) or value not in matplotlib.colormaps:
                 raise InputError(what, value, "a colour map of matplotlib, such as 'cividis', 'coolwarm' or 'gray'")
             asked[name][what] = value
-    found = {name: Colours(**values) for name, values in asked.items()}
-    for name, scale in found.items():
+    colours = {name: Colours(**values) for name, values in asked.items()}
+    for name, scale in colours.items():
         if scale.vmin is not None and scale.vmax is not None and scale.vmin >= scale.vmax:
             raise InputError(f"vmin of {name}", scale.vmin, f"a number below vmax, which is {scale.vmax:g}")
-    return found
+    return colours
 
 
 def colour_scale(variable: xr.DataArray, asked: Colours = CHOSEN) -> Scale:

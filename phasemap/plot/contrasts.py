@@ -92,12 +92,12 @@ def is_contrast(ds: xr.Dataset) -> bool:
 
 def _notes(ds: xr.Dataset) -> list[str | tuple[str, str]]:
     """The point recommended and by which rule, and what is missing."""
-    said = [
+    lines = [
         f"★ {ds.attrs['recommendation']} {ds.attrs.get('recommendation_rule', '')}",
         *describe_irregular(ds, "points"),
     ]
     return [
-        *((line, "0.1") for line in said),
+        *((line, "0.1") for line in lines),
         *((f"■ {line}", FAILED_TEXT) for line in describe_failures(ds, "points")),
     ]
 

@@ -186,8 +186,8 @@ def _draw_fit(axes: Axes, below: Axes, ds: xr.Dataset, name: str) -> None:
     along, of = readable(float(np.abs(ds[axis]).max()), str(ds[axis].attrs["units"])), 1e9 if name == "amplitude" else 1
     x = ds[axis].values / along.size
     for colour, way in zip(PALETTE, ds["direction"].values, strict=False):
-        one = ds.sel(direction=way)
-        data, errors, model = (one[f"{word}{name}{more}"].values for word, more in
+        curve = ds.sel(direction=way)
+        data, errors, model = (curve[f"{word}{name}{more}"].values for word, more in
                                (("measured_", ""), ("measured_", "_error"), ("fitted_", "")))  # fmt: skip
         if np.isnan(data).all():
             continue

@@ -198,17 +198,17 @@ def _refuse_colours(colours: dict[str, Any], what: str) -> dict[str, Any]:
     return {}
 
 
-def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], own: Sequence[Axes]) -> Figure:
+def _on_axes(ds: xr.Dataset, scales: dict[str, Scale], panels: Sequence[Axes]) -> Figure:
     """Draw one image on axes of the user's, whose figure is left to them."""
     if several := [dim for dim in LEADING if dim in ds.dims]:
         hint = f"Take one: image.isel({several[0]}=0)."
-        found = Word(f"several images, along {several[0]}")
-        raise InputError("the dataset", found, "one image where ax is given", hint)
-    for axes, (name, scale) in zip(own, scales.items(), strict=True):
+        given = Word(f"several images, along {several[0]}")
+        raise InputError("the dataset", given, "one image where ax is given", hint)
+    for axes, (name, scale) in zip(panels, scales.items(), strict=True):
         shown = _draw_image(axes, ds, name, scale)
         axes.set(xticks=[], yticks=[], aspect="equal")
         axes.figure.colorbar(shown, ax=axes, label=scale.label, extend=beyond([shown]))
-    figure: Figure = own[0].figure  # type: ignore[assignment]
+    figure: Figure = panels[0].figure  # type: ignore[assignment]
     return figure
 
 
@@ -258,8 +258,8 @@ def _rows(ds: xr.Dataset) -> Iterator[tuple[list[str], xr.Dataset]]:
     dims = [dim for dim in LEADING if dim in ds.dims]
     for place in np.ndindex(*(ds.sizes[dim] for dim in dims)):
         image = ds.isel(dict(zip(dims, place, strict=True)))
-        said = {"setpoint": "setpoint {:g}", "direction": "{}"}
-        yield [said[dim].format(image[dim].item()) for dim in dims if dim in image.coords], image
+        forms = {"setpoint": "setpoint {:g}", "direction": "{}"}
+        yield [forms[dim].format(image[dim].item()) for dim in dims if dim in image.coords], image
 
 
 def _levelled(ds: xr.Dataset) -> xr.Dataset:
@@ -361,16 +361,16 @@ def _as_recorded(attrs: Mapping[Any, Any]) -> dict[str, Any]:
 def _titles(ds: xr.Dataset) -> list[str]:
     """File, setpoint, solvers and size, and the microscope, a line each, as far as the dataset says them."""
     configuration = json.loads(ds.attrs.get("configuration", "{}")) or _as_recorded(ds.attrs)
-    said = [ds.attrs["source"]] if "vendor_metadata" in ds.attrs else []
+    scan = [ds.attrs["source"]] if "vendor_metadata" in ds.attrs else []
     if "setpoint" in configuration:
         setpoints = ds.coords.get("setpoint", configuration["setpoint"]) if "setpoint" not in ds.dims else []
-        said += [f"setpoint {one:g}" for one in np.atleast_1d(setpoints)]
+        scan += [f"setpoint {one:g}" for one in np.atleast_1d(setpoints)]
     elif volts := ds.attrs.get("setpoint_voltage"):
-        said.append(f"setpoint {say(volts, 'V')}")
+        scan.append(f"setpoint {say(volts, 'V')}")
     if "solver" in ds:
-        said.append("solved by " + describe_solvers(ds["solver"]))
+        scan.append("solved by " + describe_solvers(ds["solver"]))
     if "line_rate" in (control := configuration.get("control", {})):
-        said.append(f"line rate {control['line_rate']:g} Hz")
-    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
+        scan.append(f"line rate {control['line_rate']:g} Hz")
+    scan.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels")
     scope = microscope_in_words(configuration.get("microscope", {}))
-    return [BETWEEN.join(line) for line in (said, scope) if line]
+    return [BETWEEN.join(line) for line in (scan, scope) if line]

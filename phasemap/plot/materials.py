@@ -36,8 +36,8 @@ def regions(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrit
     _draw_map(page.picture(LEFT, TITLE, SIDE, SIDE, "regions"), ds)
     for column, name in enumerate(curves, 1):
         factor, unit = (1.0, "degrees") if name == "phase" else (1e9, "nm")
-        said = f"{'phase relative to its zero' if name == 'phase' else 'height relative to its zeros'} ({unit})"
-        _draw_curves(page.panel(LEFT + column * (SIDE + GAP), TITLE, SIDE, SIDE, said), ds, name, factor)
+        heading = f"{'phase relative to its zero' if name == 'phase' else 'height relative to its zeros'} ({unit})"
+        _draw_curves(page.panel(LEFT + column * (SIDE + GAP), TITLE, SIDE, SIDE, heading), ds, name, factor)
     for column, (name, (label, factor)) in enumerate(SHOWN.items()):
         top = TITLE + SIDE + AXIS + TITLE
         _draw_property(page.panel(LEFT + column * (SIDE + GAP), top, SIDE, SMALL, label), ds, name, factor)
@@ -68,11 +68,11 @@ def _draw_curves(axes: Axes, ds: xr.Dataset, name: str, factor: float) -> None:
     for i in range(ds.sizes["region"]):
         color = PALETTE[i % len(PALETTE)]
         for k, amplitude in enumerate(amplitudes):
-            some = np.flatnonzero(ds["free_amplitude"].values == amplitude)
-            some = some[np.argsort(ds["setpoint"].values[some])]
-            at = ds["setpoint"].values[some]
+            images = np.flatnonzero(ds["free_amplitude"].values == amplitude)
+            images = images[np.argsort(ds["setpoint"].values[images])]
+            at = ds["setpoint"].values[images]
             fitted, measured, error = (
-                factor * ds[word][i].values[some] for word in (f"fitted_{name}", f"measured_{name}", f"{name}_error")
+                factor * ds[word][i].values[images] for word in (f"fitted_{name}", f"measured_{name}", f"{name}_error")
             )
             axes.plot(at, fitted, "_" + STYLES[k % len(STYLES)], color=color, linewidth=1.2, markersize=14)
             marker = MARKERS[k % len(MARKERS)]
@@ -149,8 +149,8 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     unsure = {name: flags & (masks.get(f"{name}_not_determined", 0) | masks.get("poor_fit", 0)) != 0 for name in SHOWN}
     marks = ["grey, hatched: not determined, or poor fit"] * any((one & ~lost).any() for one in unsure.values())
     marks += ["green: no solution"] * bool(lost.any())
-    said = [str(ds.attrs.get("verdict", "")), *(["    ".join(marks)] if marks else [])]
-    page = Page(EDGE + 3 * STEP, 2 * (TITLE + tall) + BELOW, [title], notes=said)
+    notes = [str(ds.attrs.get("verdict", "")), *(["    ".join(marks)] if marks else [])]
+    page = Page(EDGE + 3 * STEP, 2 * (TITLE + tall) + BELOW, [title], notes=notes)
     for i, (name, (label, factor)) in enumerate(SHOWN.items()):
         hatched = unsure[name]
         values = factor * ds[name].values

@@ -62,8 +62,8 @@ def series(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwrite
         drawn = _draw_pair(panels, ds, i, norm)
         panels[0].set_title(_title(ds, i, wide), fontsize=8, loc="left")
         if column == 0:
-            for panel, said in zip(panels, ("measured", "simulated"), strict=True):
-                panel.set_ylabel(said, fontsize=9)
+            for panel, word in zip(panels, ("measured", "simulated"), strict=True):
+                panel.set_ylabel(word, fontsize=9)
     page.bar(drawn, panels, "phase relative to region 0 (degrees)")
     return page.finished(path, overwrite)
 
@@ -95,15 +95,15 @@ def _draw_contrasts(axes: Axes, ds: xr.Dataset) -> None:
             axes.fill_between(level, low, high, color=color, alpha=0.12, linewidth=0)
             likeliest = ds["curve_contrast"].values[curve, region]
             axes.plot(level, likeliest, color=color, linewidth=1.2, linestyle=STYLES[curve % len(STYLES)])
-            some = np.flatnonzero(curve_of == curve)
-            at = ds["setpoint"].values[some]
-            measured, error = (ds[name].values[region, some] for name in ("measured_contrast", "contrast_error"))
-            ends = np.abs(np.stack([ds["setpoint_low"].values[some], ds["setpoint_high"].values[some]]) - at)
-            size = of_file(ds, "free_amplitude", int(some[0]), 1e9)
-            said = f"region {region}" + (f", {size} nm" if ds.sizes["curve"] > 1 else "")
-            marker, said = MARKERS[curve % len(MARKERS)], f"{said}, measured (95 %)"
-            axes.errorbar(at, measured, SURE * error, ends, fmt=marker, color=color, markersize=5, label=said, **BARS)
-            axes.plot(at, ds["fitted_contrast"].values[region, some], "_", color="0.2", markersize=13)
+            files = np.flatnonzero(curve_of == curve)
+            at = ds["setpoint"].values[files]
+            measured, error = (ds[name].values[region, files] for name in ("measured_contrast", "contrast_error"))
+            ends = np.abs(np.stack([ds["setpoint_low"].values[files], ds["setpoint_high"].values[files]]) - at)
+            size = of_file(ds, "free_amplitude", int(files[0]), 1e9)
+            label = f"region {region}" + (f", {size} nm" if ds.sizes["curve"] > 1 else "")
+            marker, label = MARKERS[curve % len(MARKERS)], f"{label}, measured (95 %)"
+            axes.errorbar(at, measured, SURE * error, ends, fmt=marker, color=color, markersize=5, label=label, **BARS)
+            axes.plot(at, ds["fitted_contrast"].values[region, files], "_", color="0.2", markersize=13)
     axes.axhline(0, color="0.6", linewidth=0.8)
     axes.plot([], [], "_", color="0.2", markersize=11, label="simulated, median of the draws")
     axes.plot([], [], color="0.5", linewidth=1.2, label="most likely; shade: 95 % of the draws")
@@ -130,8 +130,8 @@ def _draw_branches(axes: Axes, ds: xr.Dataset) -> None:
             style = STYLES[curve % len(STYLES)]
             for branch in range(2):
                 phase = ds["branch_phase"].values[curve, branch, region]
-                said = f"region {region}" if branch == 1 and curve == 0 else None
-                axes.plot(level, phase, style, color=color, linewidth=1.6 if branch else 0.9, label=said)
+                label = f"region {region}" if branch == 1 and curve == 0 else None
+                axes.plot(level, phase, style, color=color, linewidth=1.6 if branch else 0.9, label=label)
         zeroed = sign * within_half_a_turn(ds["phase"].values[region] - ds["likeliest_zero"].values)
         axes.plot(ds["likeliest_setpoint"], zeroed, "o", color=color, markersize=4, markerfacecolor="white")
     axes.axhline(0, color="0.6", linewidth=0.8)

@@ -74,7 +74,7 @@ def comparison(
         row = int(rows[np.abs(rows - ds.sizes["y"] // 2).argmin()])
     row = whole("row", row, 0, ds.sizes["y"] - 1)
     asked = given_colours(vmin, vmax, cmap, {"phase": "degree"})["phase"]
-    wrapped = ((word, enumerate(textwrap.wrap(said, 128))) for word, said in lines_of(ds)[1:])
+    wrapped = ((word, enumerate(textwrap.wrap(text, 128))) for word, text in lines_of(ds)[1:])
     lines = [("" if i else LEGEND.get(word, word), line) for word, texts in wrapped for i, line in texts]
     verdict = textwrap.wrap(f"The images differ in {differences_of(ds)}. {verdict_of(ds)}", 105)
     width, height = side_lengths(ds)
@@ -92,9 +92,9 @@ def comparison(
     wide, share = WIDTH - left - MARGIN - 0.1, 0.6 * PANEL
     profile = page.panel(left, below, wide, share)
     _draw_profiles(profile, page.panel(left, below + share + 0.08, wide, PANEL - share - 0.08, sharex=profile), ds, row)
-    for i, (word, said) in enumerate(lines):
+    for i, (word, text) in enumerate(lines):
         page.write(MARGIN, words + LINE * i, word, color="0.4")
-        page.write(MARGIN + KEY, words + LINE * i, said, color="0.1")
+        page.write(MARGIN + KEY, words + LINE * i, text, color="0.1")
     return page.finished(path, overwrite)
 
 
@@ -188,11 +188,11 @@ def _source(ds: xr.Dataset) -> str:
     """Sources of the images, and their size."""
     width, tall = side_lengths(ds)
     unit = readable(max(width, tall), "m")
-    said = [
+    parts = [
         shortened(f"{ds.attrs[f'{name}_name']}: {ds.attrs[f'{name}_source']}", LONG)
         for name in ("measured", "simulated")
         if f"{name}_source" in ds.attrs
     ]
     scale = "" if FLAT <= tall / width <= TALL else ", not drawn to scale"
-    said.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels, {width / unit.size:.3g} × {unit.say(tall, 3)}{scale}")
-    return "   ·   ".join(said)
+    parts.append(f"{ds.sizes['x']} × {ds.sizes['y']} pixels, {width / unit.size:.3g} × {unit.say(tall, 3)}{scale}")
+    return "   ·   ".join(parts)

@@ -327,12 +327,12 @@ def _draw_gaps(axes: Axes, sweep: Sweep) -> None:
 
 def _notes(sweep: Sweep) -> list[str]:
     """Notes on missing orbits, with the reason."""
-    said = [f"○ {line}" for line in describe_irregular(sweep.ds, "points")]
-    said += [f"× {line}" for line in describe_failures(sweep.ds, "points")]
+    lines = [f"○ {line}" for line in describe_irregular(sweep.ds, "points")]
+    lines += [f"× {line}" for line in describe_failures(sweep.ds, "points")]
     lost = int(np.isnan(sweep.ds["jump_to_amplitude"].values).sum())
     if lost:
-        said.append(f"× {lost} of {len(sweep.jumps)} jumps reach no stable orbit.")
-    return said
+        lines.append(f"× {lost} of {len(sweep.jumps)} jumps reach no stable orbit.")
+    return lines
 
 
 def _keys(sweep: Sweep) -> list[Line2D]:

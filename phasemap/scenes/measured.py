@@ -330,14 +330,14 @@ def _labels(scan: xr.Dataset, phases: int | None, by: str) -> tuple[np.ndarray, 
     distance, ratio = separation_of(levelled, labels)
     if ratio >= APART:
         return labels, ""
-    said = (
+    reason = (
         f"The {by} shows one population (parts of it are {say(distance, UNITS_OF[by], 2)} apart, {ratio:.2g} times the "
         f"spread within them; materials are distinguished from {APART:g} times on)"
     )
     if phases is not None:
         other = "height" if by == "phase" else "phase"
-        raise InputError("phases", phases, "fewer for this image", f"{said}. Try by={other!r} (--by {other}) too.")
-    return uniform, f"{said}: there is one material."
+        raise InputError("phases", phases, "fewer for this image", f"{reason}. Try by={other!r} (--by {other}) too.")
+    return uniform, f"{reason}: there is one material."
 
 
 def _maps(scan: xr.Dataset, labels: np.ndarray, by: str) -> xr.Dataset:

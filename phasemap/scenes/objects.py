@@ -197,12 +197,12 @@ def _dry_presets(tables: Table) -> list[str]:
 def materials_of(tables: Table) -> dict[str, Material]:
     """The materials by name."""
     complaints = Complaints()
-    found = {
+    materials = {
         name: complaints.of(_from_table, f"[materials.{name}]", table, Material)
         for name, table in table_of(tables, "materials").items()
     }
     complaints.make()
-    return {name: material for name, material in found.items() if material is not None}
+    return {name: material for name, material in materials.items() if material is not None}
 
 
 def object_of(tables: Table, name: str, cls: type[T]) -> T:

@@ -59,24 +59,24 @@ def starts_of_contrast(materials: Table, names: list[str], levels: np.ndarray, s
     moved = np.geomspace(*TRIED)
     stiffer, lossier = (one.reshape(1, -1) for one in np.meshgrid(moved, moved))
 
-    def phases(own: Table, modulus: Any, damping: Any) -> np.ndarray:
-        size, loss = own["modulus"] * modulus, own.get("damping", 0.0) * damping
-        more = {key: own[key] for key in ("adhesion", "poisson_ratio") if key in own}
+    def phases(placeholder: Table, modulus: Any, damping: Any) -> np.ndarray:
+        size, loss = placeholder["modulus"] * modulus, placeholder.get("damping", 0.0) * damping
+        more = {key: placeholder[key] for key in ("adhesion", "poisson_ratio") if key in placeholder}
         tried = Surface(size, damping=loss, pixel_size=1e-9, **more)
         image = simulate(tried, scene.microscope, scene.options["setpoint"], "averaging", variables=["phase"])
         return np.asarray(image["phase"].values[0])
 
     below = phases(materials[reference], np.ones((1, 1)), 1.0) - levels[names.index(reference)]
-    found = {}
+    starts = {}
     for name, level in zip(names, levels, strict=True):
-        own = materials[name]
-        if name == reference or "damping" not in own:
+        placeholder = materials[name]
+        if name == reference or "damping" not in placeholder:
             continue
         with untold():  # of those that have no orbit
-            apart = (phases(own, stiffer, lossier) - below - level) / NEAR
+            apart = (phases(placeholder, stiffer, lossier) - below - level) / NEAR
         cost = apart**2 + np.log(stiffer[0]) ** 2 + np.log(lossier[0]) ** 2
         best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
         if abs(apart[best]) < 2.0:
             both = (("modulus", stiffer), ("damping", lossier))
-            found[name] = {key: float(f"{own[key] * by[0, best]:.3g}") for key, by in both}
-    return found
+            starts[name] = {key: float(f"{placeholder[key] * by[0, best]:.3g}") for key, by in both}
+    return starts

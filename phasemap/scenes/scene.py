@@ -81,14 +81,14 @@ class Scene:
     def __repr__(self) -> str:
         """Say surface, lever, tip, drive and setpoint."""
         scope = self.microscope
-        said = {
+        parts = {
             "source": str(self.source or ""),
             "surface": repr(self.surface).removeprefix("Surface(").removesuffix(")"),
             **{part: values_in_words(getattr(scope, part)) for part in ("cantilever", "tip", "drive")},
             "setpoint": f"{self.options['setpoint']:g}",
             **{name: str(self.options[name]) for name in ("control", "realism")},
         }
-        return f"Scene({', '.join(f'{name} {text}' for name, text in said.items() if text)})"
+        return f"Scene({', '.join(f'{name} {text}' for name, text in parts.items() if text)})"
 
     def to_json(self) -> str:
         """The resolved configuration as one line of JSON."""

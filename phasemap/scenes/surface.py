@@ -219,9 +219,9 @@ def _heights(given: object, labels: list[int], of_pixels: np.ndarray) -> np.ndar
         raise InputError("[surface] heights", given, f"a list of {len(labels)} heights in m, one for each material")
     heights = np.zeros(of_pixels.shape)
     for label, height in zip(labels, given, strict=True):
-        found = number("[surface] heights", height, "m")
-        question("[surface] heights", found, "m", HEIGHTS)
-        heights[of_pixels == label] = found
+        checked = number("[surface] heights", height, "m")
+        question("[surface] heights", checked, "m", HEIGHTS)
+        heights[of_pixels == label] = checked
     return heights
 
 

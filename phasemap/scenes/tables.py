@@ -133,8 +133,8 @@ def _read_toml(path: Path) -> Table:
     try:
         return _parsed(content.decode())
     except UnicodeDecodeError as error:
-        said = f"it is not in UTF-8, from byte {error.start} on: save it as that"
-        raise FileError(f"cannot read the scene {path}: {said}.") from error
+        reason = f"it is not in UTF-8, from byte {error.start} on: save it as that"
+        raise FileError(f"cannot read the scene {path}: {reason}.") from error
     except ValueError as error:
         raise FileError(f"cannot read the scene {path}: it is not valid TOML: {error}.") from error
 
@@ -235,8 +235,8 @@ def toml_of(tables: Table, notes: Mapping[str, str] | None = None, heading: Iter
             title = ".".join(path)
             lines += ["", f"[{'.'.join(map(_key, path))}]" + (f"  # {notes[title]}" if title in notes else "")]
             for key, value in part.items():
-                said = ", ".join(filter(None, [UNITS.get(key, ""), notes.get(f"{title}.{key}", "")]))
-                lines.append(f"{_key(key)} = {written(value)}" + (f"  # {said}" if said else ""))
+                comment = ", ".join(filter(None, [UNITS.get(key, ""), notes.get(f"{title}.{key}", "")]))
+                lines.append(f"{_key(key)} = {written(value)}" + (f"  # {comment}" if comment else ""))
     return "\n".join(lines) + "\n"
 
 

@@ -65,9 +65,9 @@ class Branches(NamedTuple):
         side = col.is_repulsive(self.rows[ENGAGED])
         return np.where(self.status[ENGAGED] == col.GOOD, side, NOWHERE).astype(np.int8)
 
-    def put(self, at: NDArray[np.intp] | slice, found: Branches) -> None:
+    def put(self, at: NDArray[np.intp] | slice, others: Branches) -> None:
         """Take over the orbits that were found of some materials."""
-        self.rows[:, at], self.status[:, at], self.solver[:, at], self.reach[:, at] = found
+        self.rows[:, at], self.status[:, at], self.solver[:, at], self.reach[:, at] = others
 
 
 def stable_branches(
@@ -85,27 +85,27 @@ def stable_branches(
     `workers`: threads; the numbers do not depend on it.
     `engaged`: what engagement finds, rows, status and solver, where that is known and good everywhere.
     """
-    found, tip = Branches.unknown(work), at_tip(work)
-    valid = np.flatnonzero(found.status[ENGAGED] == col.GOOD)
+    branches, tip = Branches.unknown(work), at_tip(work)
+    valid = np.flatnonzero(branches.status[ENGAGED] == col.GOOD)
 
     def solve(first: int, last: int) -> None:
-        some = valid[first:last]
-        part = tip.part(some)
-        own = Branches.unknown(part)
+        chosen = valid[first:last]
+        part = tip.part(chosen)
+        of_part = Branches.unknown(part)
         if engaged is None:
-            solver.solve(part, accuracy, own.answers.of(ENGAGED))
+            solver.solve(part, accuracy, of_part.answers.of(ENGAGED))
         else:
-            own.rows[ENGAGED], own.status[ENGAGED], own.solver[ENGAGED] = (one[some] for one in engaged)
-        _fill_both_branches(part, solver, accuracy, own.answers)
-        _limit_repulsive_branch(part, accuracy.periods, own)
-        for rows in own.rows:
+            of_part.rows[ENGAGED], of_part.status[ENGAGED], of_part.solver[ENGAGED] = (one[chosen] for one in engaged)
+        _fill_both_branches(part, solver, accuracy, of_part.answers)
+        _limit_repulsive_branch(part, accuracy.periods, of_part)
+        for rows in of_part.rows:
             rows[:] = shown(rows, work)
         if engaged is not None:  # as the detector sees it already; all are good, so that no branch is NOWHERE
-            own.rows[ENGAGED] = own.rows[own.engaged, np.arange(len(part))] = engaged[0][some]
-        found.put(some, own)
+            of_part.rows[ENGAGED] = of_part.rows[of_part.engaged, np.arange(len(part))] = engaged[0][chosen]
+        branches.put(chosen, of_part)
 
     spread(solve, bounds_of(len(valid), chunk_of(len(valid), workers, solver.rows_per_chunk)), workers, progress)
-    return found
+    return branches
 
 
 def _fill_both_branches(work: Work, solver: Solver, accuracy: Accuracy, answers: Answers) -> None:
@@ -135,21 +135,21 @@ def _fill_both_branches(work: Work, solver: Solver, accuracy: Accuracy, answers:
         _march(work, solver, accuracy.periods, answers)
 
 
-def _limit_repulsive_branch(work: Work, most: int, found: Branches) -> None:
+def _limit_repulsive_branch(work: Work, most: int, branches: Branches) -> None:
     """Find up to which tip offset the repulsive branch exists, where a tip from far taps irregularly.
 
     A tip that comes on that branch, but higher, from a stiffer material, falls off it.
     """
-    rows = found.rows
+    rows = branches.rows
     attractive = ~col.is_repulsive(rows[ENGAGED])
-    chosen = np.flatnonzero(col.is_mean(rows[ENGAGED]) & attractive & (found.status[REPELLING] == col.GOOD))
+    chosen = np.flatnonzero(col.is_mean(rows[ENGAGED]) & attractive & (branches.status[REPELLING] == col.GOOD))
     if len(chosen):
         from phasemap._kernels.scanning.quasi_static import reach_rows
 
         limits = rows[ENGAGED, chosen, col.TIP_OFFSET]
         part = work.part(chosen)
         reach_rows(part.law, part.rows, part.lever, ETA, most, rows[REPELLING, chosen], limits)
-        found.reach[REPELLING, chosen] = limits
+        branches.reach[REPELLING, chosen] = limits
 
 
 def _search(work: Work, side: int, answers: Answers) -> None:
@@ -160,9 +160,9 @@ def _search(work: Work, side: int, answers: Answers) -> None:
     rows, status, used = answers
     for i in np.flatnonzero(status == col.PENDING):
         curves = curves_to_amplitude(fixed_path(work.oscillator(int(i))), work.amplitudes[i])
-        found = curves.wanted_rows[:, : col.COLUMNS]
-        stable = (found[:, col.FLOQUET] < 1) & (found[:, col.SLOPE] > 0)
-        on = found[stable & (col.is_repulsive(found) == (side > 0))]
+        orbits = curves.wanted_rows[:, : col.COLUMNS]
+        stable = (orbits[:, col.FLOQUET] < 1) & (orbits[:, col.SLOPE] > 0)
+        on = orbits[stable & (col.is_repulsive(orbits) == (side > 0))]
         status[i] = col.GOOD if len(on) else col.NO_STABLE_ORBIT if curves.all_followed else col.NOT_CONVERGED
         if len(on):
             rows[i], used[i] = on[np.argmax(on[:, col.TIP_OFFSET])], col.ORBIT
@@ -183,9 +183,9 @@ def _march(work: Work, solver: March, periods: int, answers: Answers) -> None:
     for slot in SIDES:
         known = (status[ENGAGED] == col.GOOD) & (col.is_repulsive(rows[ENGAGED]) == (slot == REPELLING))
         other = np.flatnonzero((status[slot] == col.GOOD) & ~known)
-        found = answers.of(slot).of(other)
-        some, done, _ = found
-        solver.settle(work.part(other), np.arange(len(other)), found, periods)
-        gone = (done == col.GOOD) & (col.is_repulsive(some) != (slot == REPELLING))
-        some[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
-        answers.of(slot).put(other, found)
+        settled = answers.of(slot).of(other)
+        settled_rows, done, _ = settled
+        solver.settle(work.part(other), np.arange(len(other)), settled, periods)
+        gone = (done == col.GOOD) & (col.is_repulsive(settled_rows) != (slot == REPELLING))
+        settled_rows[gone], done[gone] = np.nan, col.NO_STABLE_ORBIT
+        answers.of(slot).put(other, settled)

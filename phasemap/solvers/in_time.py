@@ -55,18 +55,18 @@ class InTime:
 
         # An error per period counts Q / pi times in the steady orbit, and goes with eta^8.
         eta = self.eta * min(1.0, 2 * ENOUGH * slowest_decay(work.lever)) ** 0.125
-        some, codes, _ = answers.of(chosen)
+        rows, codes, _ = answers.of(chosen)
         for i in range(len(chosen)):  # one by one, because one may take seconds
             check_stopped()
             row = slice(i, i + 1)
-            rows_of(work.part(chosen[row]).pixels, eta, periods, some[row], codes[row])
-        periodic = (codes == col.GOOD) & ~col.is_mean(some)
+            rows_of(work.part(chosen[row]).pixels, eta, periods, rows[row], codes[row])
+        periodic = (codes == col.GOOD) & ~col.is_mean(rows)
         coarser = max(self.eta / ETA, 1.0) ** 8
         errors = np.array([ERROR_PHASE, ERROR_HEIGHT])
-        some[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
+        rows[np.ix_(periodic, [col.ERROR_PHASE, col.ERROR_HEIGHT])] = coarser * errors
         if work.law.memory:
-            self._state_closure(some, periodic)
-        answers.put(chosen, Answers(some, codes, np.full(len(chosen), col.MARCH, np.int8)))
+            self._state_closure(rows, periodic)
+        answers.put(chosen, Answers(rows, codes, np.full(len(chosen), col.MARCH, np.int8)))
 
     @staticmethod
     def _state_closure(rows: np.ndarray, periodic: np.ndarray) -> None:
@@ -75,11 +75,11 @@ class InTime:
         With no other error sin(lag) is off by that share of itself, and a depth by that over cos(lag)^2: theory,
         Eq. (memory-11).
         """
-        some = rows[periodic]
-        missing = MARGIN * np.abs(some[:, col.CLOSURE])
-        sine, cosine = np.abs(np.sin(some[:, col.PHASE])), np.abs(np.cos(some[:, col.PHASE]))  # of pi/2 - lag
+        orbits = rows[periodic]
+        missing = MARGIN * np.abs(orbits[:, col.CLOSURE])
+        sine, cosine = np.abs(np.sin(orbits[:, col.PHASE])), np.abs(np.cos(orbits[:, col.PHASE]))  # of pi/2 - lag
         sine = np.maximum(sine, np.sqrt(missing))
         phase = missing * np.maximum(cosine / sine, 1.0)
-        height = missing * np.maximum(some[:, col.AMPLITUDE], some[:, col.INDENTATION] / sine**2)
+        height = missing * np.maximum(orbits[:, col.AMPLITUDE], orbits[:, col.INDENTATION] / sine**2)
         for column, error in ((col.ERROR_PHASE, phase), (col.ERROR_HEIGHT, height)):
-            rows[periodic, column] = np.maximum(some[:, column], error)
+            rows[periodic, column] = np.maximum(orbits[:, column], error)

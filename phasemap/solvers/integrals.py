@@ -86,8 +86,8 @@ def _along(rows: Array, work: Work, used: NDArray[np.int8], kept: Array, fill: C
     wide = np.full((*rows.shape[:-1], WIDE), np.nan)
     wide[..., : rows.shape[-1]] = rows
     wide[..., col.AMPLITUDE], wide[..., col.PHASE] = of_tip(work.lever, rows[..., col.AMPLITUDE], rows[..., col.PHASE])
-    for some, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
-        fill(SolvedRows(some, codes == col.AVERAGING, kept))
+    for part, codes in zip(wide.reshape(-1, *wide.shape[-2:]), used.reshape(-1, used.shape[-1]), strict=True):
+        fill(SolvedRows(part, codes == col.AVERAGING, kept))
     for column in (col.AMPLITUDE, col.PHASE):
         wide[..., column] = rows[..., column]
     return wide

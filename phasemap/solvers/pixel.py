@@ -81,9 +81,9 @@ class Pixel:
     def __repr__(self) -> str:
         """Status, branch, solver and the numbers that a microscopist asks for first."""
         known = {name: value for name in TOLD if not math.isnan(value := getattr(self, name))}
-        said = ", ".join(f"{name.replace('_', ' ')} {say(x, FLOATS[name].units)}" for name, x in known.items())
-        found = f", {self.branch}, solved by {SOLVED_BY.get(self.solver, self.solver)}: {said}" if said else ""
-        return f"Pixel({self.status.name.replace('_', ' ')}{found})"
+        numbers = ", ".join(f"{name.replace('_', ' ')} {say(x, FLOATS[name].units)}" for name, x in known.items())
+        details = f", {self.branch}, solved by {SOLVED_BY.get(self.solver, self.solver)}: {numbers}" if numbers else ""
+        return f"Pixel({self.status.name.replace('_', ' ')}{details})"
 
 
 @asked_as()

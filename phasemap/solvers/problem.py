@@ -86,12 +86,12 @@ LEAST_USUAL = 1e-3  # setpoint used in practice; an amplitude in metres is far b
 def check_setpoint(setpoint: object) -> float:
     """Return the setpoint as a float."""
     try:
-        found = number("setpoint", setpoint, "1", above=0, below=1)
+        ratio = number("setpoint", setpoint, "1", above=0, below=1)
     except InputError:
         allowed = "a number above 0 and below 1 (the amplitude over the free amplitude at the drive frequency)"
         raise InputError("setpoint", setpoint, allowed) from None
-    question("setpoint, a share of the free amplitude,", found, "1", (LEAST_USUAL, 1.0))
-    return found
+    question("setpoint, a share of the free amplitude,", ratio, "1", (LEAST_USUAL, 1.0))
+    return ratio
 
 
 def work_of(

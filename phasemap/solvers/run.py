@@ -45,13 +45,13 @@ def run(
     def solve(first: int, last: int) -> None:
         at = valid[first:last]
         room = rooms.pop() if rooms else np.empty((chunk, col.COLUMNS if widen is None else KEEPING))
-        found = Answers(room[: len(at)], status[at], used[at])
-        found.rows[:, : col.COLUMNS] = np.nan
-        found.rows[:, KEPT_COUNT : KEPT_COUNT + 1] = 0  # where there is room for nodes
-        solver.solve(tip.part(at), accuracy, found)
-        seen = shown(found.rows, work)
-        rows[at] = seen if widen is None else widen(work.part(at), seen, found.solver, at)
-        status[at], used[at] = found.status, found.solver
+        solved = Answers(room[: len(at)], status[at], used[at])
+        solved.rows[:, : col.COLUMNS] = np.nan
+        solved.rows[:, KEPT_COUNT : KEPT_COUNT + 1] = 0  # where there is room for nodes
+        solver.solve(tip.part(at), accuracy, solved)
+        seen = shown(solved.rows, work)
+        rows[at] = seen if widen is None else widen(work.part(at), seen, solved.solver, at)
+        status[at], used[at] = solved.status, solved.solver
         rooms.append(room)
 
     spread(solve, bounds_of(len(valid), chunk), workers, progress)

@@ -155,9 +155,9 @@ def engage_averaged(work: Work, periods: int, answers: Answers) -> bool:
     doubtful = np.flatnonzero(answers.status == col.PENDING)
     if not len(doubtful):
         return False
-    some = answers.of(doubtful)
-    solve_exactly(work.part(doubtful), (PHASE, LENGTH), False, periods, some)
-    answers.put(doubtful, some)
+    exact = answers.of(doubtful)
+    solve_exactly(work.part(doubtful), (PHASE, LENGTH), average=False, periods=periods, answers=exact)
+    answers.put(doubtful, exact)
     return True
 
 
@@ -172,7 +172,7 @@ class Auto:
 
     def solve(self, work: Work, accuracy: Accuracy, answers: Answers) -> None:
         """The cheapest orbit that meets `accuracy`."""
-        solve_exactly(work, (accuracy.phase, accuracy.height), True, accuracy.periods, answers)
+        solve_exactly(work, (accuracy.phase, accuracy.height), average=True, periods=accuracy.periods, answers=answers)
 
 
 class March(InTime):
@@ -193,7 +193,7 @@ class March(InTime):
             self.engage(work, np.arange(len(work)), answers, accuracy.periods)
             return
         if low_q(work.lever):  # an averaged orbit is far from that which holds the setpoint
-            solve_exactly(work, (PHASE, LENGTH), False, accuracy.periods, answers)
+            solve_exactly(work, (PHASE, LENGTH), average=False, periods=accuracy.periods, answers=answers)
         else:
             engage_averaged(work, accuracy.periods, answers)
         again = answers.status != col.NO_STABLE_ORBIT
@@ -250,9 +250,9 @@ class OnlyInTime(FromFar):
         rest, plain = work.static()
         if not len(rest):
             return
-        some = answers.of(rest)
-        self.other.solve(plain, accuracy, some)
-        answers.put(rest, some)
+        of_rest = answers.of(rest)
+        self.other.solve(plain, accuracy, of_rest)
+        answers.put(rest, of_rest)
 
 
 def check_integrals(names: list[str]) -> None:

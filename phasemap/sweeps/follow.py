@@ -125,11 +125,11 @@ def _curve(curves: Curves, axis: Axis) -> Variables:
     rows = curves.seen(np.concatenate([piece.rows for piece in pieces]) if pieces else np.zeros((0, col.FULL)))
     number = np.repeat(np.arange(len(pieces), dtype=np.int32), [len(piece.rows) for piece in pieces])
     for prefix, dim, part in (("curve_", "point", slice(None)), ("fold_", "fold", rows[:, col.KIND] == axis.fold)):
-        some = rows[part]
-        data |= _variables(prefix, some, (dim,), axis.name)
+        chosen = rows[part]
+        data |= _variables(prefix, chosen, (dim,), axis.name)
         if axis.name not in NAMES:
             attributes = {"long_name": axis.long_name, "units": axis.units}
-            data[prefix + axis.name] = (dim, axis.value(some[:, axis.column]), attributes)
+            data[prefix + axis.name] = (dim, axis.value(chosen[:, axis.column]), attributes)
         data[prefix + "piece"] = (dim, number[part], {"long_name": "number of the connected piece"})
     flags = stable_rows(rows, axis.held) | (rows[:, col.KIND] == axis.fold)
     data["curve_stable"] = ("point", flags.astype(np.int8), coded("stability of the orbit", *STABILITY))
@@ -140,15 +140,15 @@ def _jumps(curves: Curves, jumps: list[Jump], axis: Axis) -> Variables:
     """Variables of the jumps of a sweep: values, directions, and orbits before and after."""
     nothing = np.full(col.FULL, np.nan)
     ends = [jump.before for jump in jumps], [nothing if jump.after is None else jump.after for jump in jumps]
-    before, after = (curves.seen(np.array(some).reshape(len(jumps), col.FULL)) for some in ends)
+    before, after = (curves.seen(np.array(side).reshape(len(jumps), col.FULL)) for side in ends)
     attributes = {"long_name": axis.long_name + " at the jump", "units": axis.units}
     codes = np.array([jump.direction for jump in jumps], np.int8)
     data: Variables = {
         "jump_" + axis.name: ("jump", axis.value(before[:, axis.column]), attributes),
         "jump_direction": ("jump", codes, coded("direction of the sweep that jumps", *axis.directions)),
     }
-    for word, some in (("from", before), ("to", after)):
-        data |= of_rows(some, NAMES, "jump", f"jump_{word}_")
+    for word, side in (("from", before), ("to", after)):
+        data |= of_rows(side, NAMES, "jump", f"jump_{word}_")
     return data
 
 

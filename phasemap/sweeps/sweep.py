@@ -258,10 +258,10 @@ def orbits(
     configuration = {
         "microscope": describe(scope), "material": describe(material), "setpoint": setpoint, "tip_offset": tip_offset
     }  # fmt: skip
-    found = _orbit_dataset(rows)
-    found.attrs.update(provenance(configuration, "orbits found"))
-    found.attrs["complete"] = int(curves.all_followed)
-    return found
+    ds = _orbit_dataset(rows)
+    ds.attrs.update(provenance(configuration, "orbits found"))
+    ds.attrs["complete"] = int(curves.all_followed)
+    return ds
 
 
 def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
@@ -270,11 +270,11 @@ def _orbit_dataset(rows: np.ndarray) -> xr.Dataset:
         "tip_offset", "amplitude", "height", "phase", "mean_deflection", "indentation", "dissipation", "virial",
         "floquet", "feedback_slope", "energy_closure", "branch",
     )  # fmt: skip
-    found = xr.Dataset(of_rows(rows, names, "orbit"))
-    found["orbit"] = ("orbit", np.arange(len(rows)), {"long_name": "orbit"})
+    ds = xr.Dataset(of_rows(rows, names, "orbit"))
+    ds["orbit"] = ("orbit", np.arange(len(rows)), {"long_name": "orbit"})
     stable = (rows[:, col.FLOQUET] < 1).astype(np.int8)
-    found["stable"] = ("orbit", stable, coded("stability of the orbit at fixed tip offset", *STABILITY))
-    return found
+    ds["stable"] = ("orbit", stable, coded("stability of the orbit at fixed tip offset", *STABILITY))
+    return ds
 
 
 @asked_as()

@@ -188,9 +188,9 @@ class Interaction(Shown):
             rows[:, col.CONTACT] *= relaxation[:, 3]
         if relaxation is not None and relaxation[:, 0].any():
             check_memory(self.law, relaxes=True)
-            some = relaxation[:, 0] > 0
+            relaxing = relaxation[:, 0] > 0
             for place, column in zip((col.RELAXATION, col.RELAXING, col.SPECTRUM), relaxation.T, strict=False):
-                rows[some, place] = column[some]
+                rows[relaxing, place] = column[relaxing]
             return True
         if self.withdrawal != "ting" or not rows[:, col.DAMPING].any():
             return False
@@ -207,8 +207,8 @@ class Interaction(Shown):
         if not np.isfinite(rows).all():
             if contact_stiffness > 0 or self._is_own:
                 given = f"K = {contact_stiffness:.3g} Pa, an adhesion of {adhesion:.3g} J/m² and R = {radius:.3g} m"
-                said = f"With {given} it makes p = {rows[0].tolist()}."
-                raise InputError("contact", name, "a law with finite numbers for the material", said)
+                hint = f"With {given} it makes p = {rows[0].tolist()}."
+                raise InputError("contact", name, "a law with finite numbers for the material", hint)
             allowed = f"a number above 0 Pa where {name} contact has adhesion"
             raise InputError("modulus", 0.0, allowed, "Its neck would never break.")
         if rows[0, col.FORMING] < depth:
@@ -229,19 +229,19 @@ class Interaction(Shown):
 
         law, longrange = self.law, self.outside
         try:
-            found = law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
+            token = law_of(law.force, law.slope, longrange.force, longrange.slope, law.damping, law.damping_slope)
         except TypeError as error:
             raise InputError("contact", law.name, "a law whose formulas numba compiles", str(error)) from error
-        found = found._replace(attracts=int(longrange.attracts), lossy=int(law.lossy))
+        token = token._replace(attracts=int(longrange.attracts), lossy=int(law.lossy))
         if law.withdrawn is not None:
             from phasemap._kernels.law import address_of
 
-            found = found._replace(lossy=address_of(law.withdrawn))
+            token = token._replace(lossy=address_of(law.withdrawn))
         if not remembers:
-            return found
+            return token
         from phasemap._kernels.orbits.time.march import address_of_relaxing
 
-        return found._replace(memory=address_of_relaxing())
+        return token._replace(memory=address_of_relaxing())
 
     @property
     def _is_own(self) -> bool:

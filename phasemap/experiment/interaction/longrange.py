@@ -79,8 +79,8 @@ def whole_attraction(pull: Array, decay_length: float | None, other: float, scal
     """
     import numpy as np
 
-    found = (pull if decay_length is not None else 0.0 * pull) + other
-    return np.where(found == 0.0, 1e-15 * scale, found)
+    attraction = (pull if decay_length is not None else 0.0 * pull) + other
+    return np.where(attraction == 0.0, 1e-15 * scale, attraction)
 
 
 class InverseSquare(LongRange):

@@ -72,8 +72,8 @@ class Table(ContactLaw):
         twice = (d[1:] == 0.0) & (d[:-1] == 0.0) & (np.arange(len(d) - 1) == np.sum(d < 0.0))
         rises = ((np.diff(d) > 0.0) | twice).all()
         if len(d) < FEWEST or not (np.isfinite(d).all() and rises and d[0] <= 0.0 < d[-1]):
-            said = f"{len(d)} numbers from {d[0]:g} to {d[-1]:g}" if len(d) else "empty"
-            raise InputError("depths", said, f"{FEWEST} or more that rise, from 0 m or below to above")
+            numbers = f"{len(d)} numbers from {d[0]:g} to {d[-1]:g}" if len(d) else "empty"
+            raise InputError("depths", numbers, f"{FEWEST} or more that rise, from 0 m or below to above")
         for field in ("forces", "dampings", "withdrawal_forces"):
             values = getattr(self, field)
             if values is not None and not (len(values) == len(d) and np.isfinite(values).all()):
@@ -96,18 +96,18 @@ class Table(ContactLaw):
         try:
             if path.suffix == ".npz":
                 with np.load(path, allow_pickle=False) as file:
-                    found = {name: np.asarray(file[name], dtype=np.float64) for name in file.files if name in COLUMNS}
+                    columns = {name: np.asarray(file[name], dtype=np.float64) for name in file.files if name in COLUMNS}
             else:
-                found = _columns_of(path.read_text(encoding="utf-8"))
+                columns = _columns_of(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise FileError(f"cannot read {path}: {error}") from error
-        if "gap" in found:
-            found["depth"] = -found.pop("gap")
-        if not {"depth", "force"} <= set(found):
+        if "gap" in columns:
+            columns["depth"] = -columns.pop("gap")
+        if not {"depth", "force"} <= set(columns):
             raise FileError(f"cannot use {path}: it lacks columns depth (or gap) and force, as 'gap [nm], force [nN]'.")
-        order = np.argsort(found["depth"])
+        order = np.argsort(columns["depth"])
         named = {"depth": "depths", "force": "forces", "damping": "dampings", "withdrawal": "withdrawal_forces"}
-        return cls(**{named[name]: tuple(values[order]) for name, values in found.items()})
+        return cls(**{named[name]: tuple(values[order]) for name, values in columns.items()})
 
     @classmethod
     def from_law(cls, material: Material, scope: Microscope, depths: Any = None) -> Table:
@@ -225,15 +225,15 @@ def _columns_of(text: str) -> dict[str, Array]:
     lines = [line for line in text.splitlines() if line.strip()]
     names = [one.strip() for one in re.split(r"[,;\t]", lines[0].lstrip("# "))] if lines else []
     table = np.loadtxt((re.sub(r"[,;\t]", " ", line) for line in lines[1:]), ndmin=2)
-    found = {}
+    columns = {}
     for name, values in zip(names, table.T, strict=False):
         part = re.fullmatch(r"(\w+)\s*[\[(](.*)[\])]", name)
         if part is not None and part[1].lower() in COLUMNS:
             try:
-                found[part[1].lower()] = scaled(values, part[2], COLUMNS[part[1].lower()])
+                columns[part[1].lower()] = scaled(values, part[2], COLUMNS[part[1].lower()])
             except NotThatUnit:
                 raise ValueError(f"the column {name!r} is not in a unit of {COLUMNS[part[1].lower()]}") from None
-    return found
+    return columns
 
 
 @lru_cache(maxsize=64)

@@ -124,15 +124,15 @@ def program_of(materials: Array, ground: Array, dwell: float, overscan: float) -
     starts = np.stack([edges[:-1], ground], axis=1).ravel()
     rises = np.stack([ground - edges[:-1], edges[1:] - ground], axis=1).ravel()
     pixels = np.repeat(np.arange(nx), 2)
-    there = Program(np.full(2 * nx, half), np.repeat(materials, 2), starts, rises / half, pixels)
-    ends = starts + there.slope * half
-    back = Program(there.span, there.material[::-1], ends[::-1], -there.slope[::-1], pixels[::-1] + nx)
-    parts = [there, back]
+    trace = Program(np.full(2 * nx, half), np.repeat(materials, 2), starts, rises / half, pixels)
+    ends = starts + trace.slope * half
+    retrace = Program(trace.span, trace.material[::-1], ends[::-1], -trace.slope[::-1], pixels[::-1] + nx)
+    parts = [trace, retrace]
     if overscan > 0:  # level ground beyond the outermost pixels
         span = 2 * overscan * nx * dwell
         ends_of_line = ((span, materials[i], ground[i], 0.0, -1) for i in (0, -1))
         left, right = (Program(*(np.array([value]) for value in values)) for values in ends_of_line)
-        parts = [left, there, right, right, back, left]
+        parts = [left, trace, right, right, retrace, left]
     return Program(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -170,15 +170,15 @@ def lifts_by_stiffness(job: Job, work: Work) -> Lifts:
     limits = ErrorLimits(math.radians(job.accuracy.phase), job.accuracy.height)
     stiffness = work.rows[:, col.CONTACT]
     order = np.argsort(stiffness, kind="stable")
-    some = order[:: max(1, -(-len(order) // MOST))]
-    shares, rows, amplitudes = np.empty((len(some), 2)), work.rows[some], work.amplitudes[some]
+    chosen = order[:: max(1, -(-len(order) // MOST))]
+    shares, rows, amplitudes = np.empty((len(chosen), 2)), work.rows[chosen], work.amplitudes[chosen]
 
     def solve(first: int, last: int) -> None:
         part = slice(first, last)
         share_rows(work.law, rows[part], work.lever, amplitudes[part], limits, shares[part])
 
-    spread(solve, bounds_of(len(some), CHUNK), job.workers, None)
-    return Lifts(stiffness[some], shares)
+    spread(solve, bounds_of(len(chosen), CHUNK), job.workers, None)
+    return Lifts(stiffness[chosen], shares)
 
 
 # Of the amplitude, P beyond the drive's: with more the averaged lever may be off by nanometres, or by anything.
@@ -211,10 +211,10 @@ class LoopState:
         tip = cls(int(arrays["engine"]))
         tip.loop = Loop() if "loop" in arrays else None
         kept: dict[str, Any] = {}
-        for name, own in tip.freeze().items():
-            if (arrays[name].shape, arrays[name].dtype) != (own.shape, own.dtype):  # a kernel would not look
+        for name, fresh in tip.freeze().items():
+            if (arrays[name].shape, arrays[name].dtype) != (fresh.shape, fresh.dtype):  # a kernel would not look
                 raise ValueError(name)
-            kept[name] = arrays[name].astype(own.dtype)[()]
+            kept[name] = arrays[name].astype(fresh.dtype)[()]
         tip.state = tip.state._replace(**{name: kept[name] for name in tip.state._fields})
         tip.loop = kept.get("loop")
         return tip
@@ -306,5 +306,5 @@ class ScanLines:
             values["height"] = place - np.tile(ground, 2) - job.amplitude
         for direction in range(2):
             part = slice(direction * nx, (direction + 1) * nx)
-            some = {name: value[part] for name, value in values.items()}
-            self.canvas.put(slice(row * nx, (row + 1) * nx), some, direction)
+            part_values = {name: value[part] for name, value in values.items()}
+            self.canvas.put(slice(row * nx, (row + 1) * nx), part_values, direction)

@@ -90,11 +90,11 @@ def _engine_of(job: Job, work: Work) -> int:
         allowed = "'march' or 'auto': a higher mode rings longer than the first, which alone is averaged"
         raise InputError("solver", name, allowed)
     if name == "averaging" and hysteretic:
-        some = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
-        rows, _, _ = first_orbits(job, some)
+        tried = work.part(np.unique(np.linspace(0, len(work) - 1, TRIED).astype(np.intp)))
+        rows, _, _ = first_orbits(job, tried)
         if irregular := int(col.is_mean(rows).sum()):
             allowed = (
-                f"'march' or 'auto': on {irregular} of {len(some)} materials tried the tip does not touch in every "
+                f"'march' or 'auto': on {irregular} of {len(tried)} materials tried the tip does not touch in every "
             )
             raise InputError("solver", name, allowed + "period, which the averaged lever cannot follow")
     return col.AVERAGING if name == "averaging" else col.MARCH

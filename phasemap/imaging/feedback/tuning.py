@@ -183,15 +183,15 @@ def _jacobian(work: Work, p: tuple[float, ...], loop: of.Loop, state: Array, shi
     rate = np.zeros(of.LOOP_STATE)
     for j in range(of.LOOP_STATE):
         for sign in (1.0, -1.0):
-            there, memory = state.copy(), FlowMemory()
-            there[j] += sign * size
+            beside, memory = state.copy(), FlowMemory()
+            beside[j] += sign * size
             memory.shift = shift
             for _ in range(2):  # the second time with the a that belongs to its b
-                slow_flow_rhs(sample, loop, 0.0, there, memory, rate)
-            before = there[of.A_REAL : of.A_IMAG + 1]
+                slow_flow_rhs(sample, loop, 0.0, beside, memory, rate)
+            before = beside[of.A_REAL : of.A_IMAG + 1]
             for k in range(of.FILTERS, of.state_length(loop), 2):
-                rate[k : k + 2] = loop.rate * (before - there[k : k + 2])
-                before = there[k : k + 2]
+                rate[k : k + 2] = loop.rate * (before - beside[k : k + 2])
+                before = beside[k : k + 2]
             out[:, j] += sign * rate / (2 * size)
     return out
 
@@ -210,8 +210,8 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> tuple[Fee
     if not len(valid):
         return control, 0
     stiffness = work.rows[valid, col.CONTACT]
-    some = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
-    work = work.part(some)
+    extremes = np.unique(valid[[stiffness.argmin(), stiffness.argmax()]])
+    work = work.part(extremes)
     orbits, status, _ = first_orbits(job, work)
     rows = lifts_by_stiffness(job, work).beside(work.rows) if engine == col.AVERAGING else work.rows
     gains = {name: getattr(control, name) for name in ("proportional_gain", "integral_gain")}
@@ -219,8 +219,8 @@ def quietened(control: Feedback, job: Job, work: Work, engine: int) -> tuple[Fee
     restless = 0
     for i in np.flatnonzero(status == col.GOOD):
         ends = []
-        for one in tried:
-            ends.append(_rests(one, job, work, engine, rows[i], orbits[i]))
+        for trial in tried:
+            ends.append(_rests(trial, job, work, engine, rows[i], orbits[i]))
             if ends[-1]:
                 break
         if ends[-1] is not None:

@@ -250,20 +250,20 @@ class _Builder:
     def cell(self, cell: Cell, materials: Array, depth: int) -> int:
         """A leaf with the interpolant of a cell, or the two halves of it."""
         budget = self._budget(materials)
-        found = fill_cell(self.exact, cell, self.tolerances, materials, budget) if budget else None
-        if isinstance(found, FilledCell):
-            self.pieces.append(found)
+        new = fill_cell(self.exact, cell, self.tolerances, materials, budget) if budget else None
+        if isinstance(new, FilledCell):
+            self.pieces.append(new)
             return self._node(LEAF, len(self.pieces) - 1)
-        if found is None or found.hopeless or depth > DEEPEST:
+        if new is None or new.hopeless or depth > DEEPEST:
             return self._node(LEAF, NO_PIECE)
-        at = 0.5 * sum(cell.side(found.axis))
-        level = cell.level(at) if found.axis == 2 else at
+        at = 0.5 * sum(cell.side(new.axis))
+        level = cell.level(at) if new.axis == 2 else at
         node = (
-            self._node(BORDER, self._number(level)) if isinstance(level, Border) else self._node(CUT, found.axis, level)
+            self._node(BORDER, self._number(level)) if isinstance(level, Border) else self._node(CUT, new.axis, level)
         )
-        above = cell.inside(materials)[:, found.axis] >= 0.0
+        above = cell.inside(materials)[:, new.axis] >= 0.0
         for side, half, part in zip(
-            (2, 3), cell.halves(found.axis, at), (materials[~above], materials[above]), strict=True
+            (2, 3), cell.halves(new.axis, at), (materials[~above], materials[above]), strict=True
         ):
             self.nodes[node][side] = self._half_cell(half, part, depth + 1)
         return node

@@ -90,21 +90,21 @@ def find_borders(
     grazing = np.isfinite(lines.depths).all() and bool(touching.any() and not touching.all())
     if grazing and not worth:
         raise Undecided(_point_below(lines, float(lines.heights[:, 1:][np.diff(touching, axis=1)].min())), worth)
-    found: list[Border] = []
+    borders: list[Border] = []
     if jumps.any():
         if not jumps.all():
             brackets = _followed(exact, bases, brackets, jumps, low, high)
         jump = _Located(exact, box, low, high).jump(brackets)
-        found.append(jump.border)
+        borders.append(jump.border)
         above = jump.depth_above
         if not (np.isfinite(above).all() or np.isnan(above).all()) or (above > 0).any() != (above > 0).all():
             raise Undecided
         grazing = bool((above > 0).all() and (lines.depths[:, -1] < 0).any())
     if grazing:
-        found.append(_Located(exact, box, low, high).graze(found[0] if found else None))
-    for lower, upper in itertools.pairwise(found):
+        borders.append(_Located(exact, box, low, high).graze(borders[0] if borders else None))
+    for lower, upper in itertools.pairwise(borders):
         _check_order(lower, upper)
-    return found
+    return borders
 
 
 def _point_below(lines: AdhesionLines, height: float) -> float | None:
@@ -206,11 +206,11 @@ class _Located:
         while max(finer) <= FINEST:
             nodes = self._nodes(finer)
             guess, tail = folds.interpolated(ends, sizes, nodes, self.box)
-            found, sizes = folds.follow_all(self.exact, nodes, guess, min(off, tail)), finer
-            heights = None if found is None else folds.adhesion_at_end_of_branch(found)
-            if found is None or heights is None:
+            followed, sizes = folds.follow_all(self.exact, nodes, guess, min(off, tail)), finer
+            heights = None if followed is None else folds.adhesion_at_end_of_branch(followed)
+            if followed is None or heights is None:
                 return None
-            ends = found
+            ends = followed
             border = self._border(heights.reshape(sizes), True, 0.0)
             finer = self._finer(border, ROUGH * float(heights.max()))
             if finer == sizes:
@@ -220,8 +220,8 @@ class _Located:
     def _measured(self, border: Border, ends: list[folds.Ends], sizes: tuple[int, int]) -> Border | None:
         """The border with its error, from the true one at some points between the nodes."""
         between = _between(self.box)
-        found = folds.follow_all(self.exact, between, folds.interpolated(ends, sizes, between, self.box)[0], 0.0)
-        heights = None if found is None else folds.adhesion_at_end_of_branch(found)
+        followed = folds.follow_all(self.exact, between, folds.interpolated(ends, sizes, between, self.box)[0], 0.0)
+        heights = None if followed is None else folds.adhesion_at_end_of_branch(followed)
         if heights is None:
             return None
         error = 3 * float(abs(border.height(between[:, 0], between[:, 1]) - heights).max())

@@ -61,8 +61,8 @@ class Axes:
 
     def liquid(self, points: Array) -> Array | None:
         """Thickness [m] and contact angle [degree] of films of liquid at coordinates, shape (n, 2), or None."""
-        found = np.column_stack(self._each(points)[1:])
-        return found if np.isfinite(found).any() else None
+        films = np.column_stack(self._each(points)[1:])
+        return films if np.isfinite(films).any() else None
 
     def _each(self, points: Array) -> list[Array]:
         """Adhesion, thickness and contact angle at coordinates: x2 is one of them, the others are `same` everywhere."""
@@ -138,8 +138,8 @@ class ExactOrbits:
         rows[:, col.AMPLITUDE], rows[:, col.PHASE] = of_tip(work.lever, work.amplitudes, guesses[:, PHASE])
 
         def solve(first: int, last: int) -> None:
-            some = slice(first, last)
-            nearby_rows(work.part(some).pixels, TABLES, away[some], group, rows[some], status[some])
+            chunk = slice(first, last)
+            nearby_rows(work.part(chunk).pixels, TABLES, away[chunk], group, rows[chunk], status[chunk])
 
         # Threads take whole groups, so that what an orbit starts from does not depend on their number.
         size = group * max(1, chunk_of(count, self._workers, CHUNK) // group)

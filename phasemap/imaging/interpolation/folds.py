@@ -58,15 +58,15 @@ def follow(exact: ExactOrbits, bases: Array, guess: Ends, off: float, amplitude:
     """Find the ends above bases (n, 2) from guesses that are `off` at most, relatively; None if that fails anywhere."""
     ends, off, nearest = guess, max(off, 10 * NEAREST), NEAREST
     for _ in range(MOST):
-        found = _ends_beside(exact, bases, ends, off * np.array(SHARES), amplitude)
-        if found is None:
+        beside = _ends_beside(exact, bases, ends, off * np.array(SHARES), amplitude)
+        if beside is None:
             off *= 1.6
             if off < ENOUGH:
                 nearest = max(nearest, off)
             if off > WIDEST:
                 return None
             continue
-        moved, ends = float(abs(found.adhesion / ends.adhesion - 1).max()), found
+        moved, ends = float(abs(beside.adhesion / ends.adhesion - 1).max()), beside
         if off <= nearest:
             return ends
         off = max(nearest, min(max(0.5 * moved, 0.1 * off), 0.9 * off))
@@ -124,8 +124,8 @@ def start(exact: ExactOrbits, bases: Array, adhesion: Array) -> list[Ends] | Non
 def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float) -> list[Ends] | None:
     """`follow` at each of the amplitudes."""
     every = [follow(exact, bases, guess, off, a) for guess, a in zip(guesses, amplitudes_of_ends(exact), strict=True)]
-    found = [ends for ends in every if ends is not None]
-    return found if len(found) == len(every) else None
+    followed = [ends for ends in every if ends is not None]
+    return followed if len(followed) == len(every) else None
 
 
 def adhesion_at_end_of_branch(every: list[Ends]) -> Array | None:

@@ -78,9 +78,9 @@ def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[An
     for quantity, (numbers, error) in given.items():
         if numbers is None:
             continue
-        found = _finite(quantity, numbers, QUANTITIES[quantity])
-        if found.shape != shape:
-            raise InputError(quantity, Word(f"an array of shape {found.shape}"), f"one of shape {shape}, as of {name}")
+        array = _finite(quantity, numbers, QUANTITIES[quantity])
+        if array.shape != shape:
+            raise InputError(quantity, Word(f"an array of shape {array.shape}"), f"one of shape {shape}, as of {name}")
         spread = _finite(f"{quantity}_error", error, QUANTITIES[quantity])
         if spread.shape not in ((), shape):
             raise InputError(
@@ -88,7 +88,7 @@ def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[An
             )
         if not (spread > 0).all():
             raise InputError(f"{quantity}_error", float(spread.min()), f"numbers above 0 {QUANTITIES[quantity]}")
-        measured[quantity], errors[quantity] = found.reshape(full), np.broadcast_to(spread, shape).reshape(full)
+        measured[quantity], errors[quantity] = array.reshape(full), np.broadcast_to(spread, shape).reshape(full)
     if not measured:
         raise InputError("amplitude, phase", (None, None), "at least one of the two")
     return Data(axis, along, tuple(directions), measured, errors)
@@ -96,12 +96,12 @@ def check_data(axis: str, values: Any, direction: Any, given: dict[str, tuple[An
 
 def _finite(name: str, values: Any, unit: str) -> np.ndarray:
     """Values in SI units, or an error that quotes the first one that is not finite."""
-    found = real_numbers(name, values, unit)
-    bad = found[~np.isfinite(found)]
+    numbers = real_numbers(name, values, unit)
+    bad = numbers[~np.isfinite(numbers)]
     if bad.size:
-        where = f" ({bad.size} of {found.size} values)" if found.ndim else ""
-        raise InputError(name, f"{values if not found.ndim else bad[0]}{where}", f"finite numbers [{unit}]")
-    return found
+        where = f" ({bad.size} of {numbers.size} values)" if numbers.ndim else ""
+        raise InputError(name, f"{values if not numbers.ndim else bad[0]}{where}", f"finite numbers [{unit}]")
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,8 @@ class CurveSetting:
             return replace(self.with_parameter("free_amplitude", free), amplitude_scale=1 / value)
         scope = self.scope
         with unquestioned():
-            if name in (own := numbers_of_law(acts := scope.interaction)):
-                law = replace(cast(Any, contact_of(acts)), **{own[name]: value})
+            if name in (fields := numbers_of_law(acts := scope.interaction)):
+                law = replace(cast(Any, contact_of(acts)), **{fields[name]: value})
                 return replace(self, scope=replace(scope, interaction=replace(acts, contact=law)))
             if name == "resonance_frequency":
                 lever = replace(scope.cantilever, resonance_frequency=value)
@@ -153,8 +153,8 @@ class CurveSetting:
         if name in special:
             return special[name]
         acts = self.scope.interaction
-        if name in (own := numbers_of_law(acts)):
-            return float(getattr(contact_of(acts), own[name]))
+        if name in (fields := numbers_of_law(acts)):
+            return float(getattr(contact_of(acts), fields[name]))
         parts = (self.material, self.scope.cantilever, self.scope.tip, self.scope.drive, acts, self)
         return next(getattr(part, name) for part in parts if hasattr(part, name))
 
@@ -226,15 +226,15 @@ def check_parameters(names: object, setup: CurveSetting, axis: str) -> tuple[Par
     spreads = spreads if names is not None else those_that_act(spreads, setup)
     known = (*OF_SAMPLE, *numbers_of_law(setup.scope.interaction), *OF_SCOPE, OFFSETS[axis], *READING)
     known = (*known, "free_phase") if axis == "tip_offset" else known
-    found = []
+    parameters = []
     for name, spread in spreads.items():
         if name not in known:
             raise InputError("parameters", name, "names out of " + ", ".join(known))
         if name in ("damping", "viscosity") and name not in losses:
             has = losses[0] if losses else "modulus, adhesion or relaxation_time"
             raise InputError("parameters", name, f"{has}, because that is what the start material has")
-        found.append(_parameter(name, setup, spread))
-    return tuple(sorted(found, key=lambda one: one.name == "free_phase"))  # last: of the lever as it then is
+        parameters.append(_parameter(name, setup, spread))
+    return tuple(sorted(parameters, key=lambda one: one.name == "free_phase"))  # last: of the lever as it then is
 
 
 def spreads_of(names: Any, material: Material) -> dict[str, float | None]:
@@ -257,9 +257,9 @@ def those_that_act(spreads: dict[str, float | None], setup: CurveSetting) -> dic
     """The parameters but those of sample and law that change nothing: the adhesion of a law without attraction."""
     of_forces = (*OF_SAMPLE, "decay_length", *numbers_of_law(setup.scope.interaction))
 
-    def forces(one: CurveSetting) -> np.ndarray:
-        row = Question(one.material, one.scope).work(marched=True).rows[0]
-        from_afar = row[col.LONGRANGE] or one.scope.interaction.law.lossy  # else the columns of no force
+    def forces(setting: CurveSetting) -> np.ndarray:
+        row = Question(setting.material, setting.scope).work(marched=True).rows[0]
+        from_afar = row[col.LONGRANGE] or setting.scope.interaction.law.lossy  # else the columns of no force
         return row if from_afar else np.delete(row, range(col.LONGRANGE, col.DAMPING))
 
     def acts(name: str) -> bool:

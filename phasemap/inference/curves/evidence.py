@@ -36,22 +36,22 @@ class Estimate(NamedTuple):
 def search(problem: CurveProblem, starts: int, first: Sequence[np.ndarray] = ()) -> Estimate:
     """The best solution from q given first and from the start, and from others as long as none is good."""
     degrees = problem.data.size - len(problem.parameters)
-    found: list[tuple[float, np.ndarray]] = []
+    minima: list[tuple[float, np.ndarray]] = []
     for q in chain(first, _starts(problem, starts)):
         at = _descend(problem, q, Ruler.coarse(problem.data), "soft_l1", 1e-2)  # without regard for outliers
         at = _descend(problem, at, Ruler.strict(problem.data), "linear", 1e-8)
-        chi2 = problem.misfit(at)[0]
-        found.append((chi2 + float(at @ at), at))
+        chi2 = problem.chi2_and_growth(at)[0]
+        minima.append((chi2 + float(at @ at), at))
         if chance(chi2, degrees) > UNLIKELY:
             break
-    best = min(found, key=lambda one: one[0])[1]
-    growth = problem.misfit(best)[1]
+    best = min(minima, key=lambda one: one[0])[1]
+    growth = problem.chi2_and_growth(best)[1]
     if growth > 1:  # the prior counts for more where the data are not described to within their errors
         larger = {name: growth * errors for name, errors in problem.data.errors.items()}
         weaker = CurveProblem(replace(problem.data, errors=larger), problem.setup, problem.parameters)
         best = _descend(weaker, best, Ruler.strict(weaker.data), "linear", 1e-8)
         problem.evaluations += weaker.evaluations
-    return _gaussian_around(problem, best, len(found))
+    return _gaussian_around(problem, best, len(minima))
 
 
 def _starts(problem: CurveProblem, count: int) -> Iterator[np.ndarray]:
@@ -66,11 +66,11 @@ def _starts(problem: CurveProblem, count: int) -> Iterator[np.ndarray]:
 
 def _descend(problem: CurveProblem, q: np.ndarray, ruler: Ruler, loss: str, tolerance: float) -> np.ndarray:
     """Nearest minimum of the residuals from q, within what is searched."""
-    found: np.ndarray = least_squares(
+    minimum: np.ndarray = least_squares(
         problem.residuals, np.clip(q, -REACH, REACH), problem.jacobian, (-REACH, REACH), loss=loss, args=(ruler,),
         ftol=tolerance, xtol=tolerance, gtol=1e-9, max_nfev=EVALUATIONS,
     ).x  # fmt: skip
-    return found
+    return minimum
 
 
 def _gaussian_around(problem: CurveProblem, q: np.ndarray, tried: int) -> Estimate:
@@ -79,7 +79,7 @@ def _gaussian_around(problem: CurveProblem, q: np.ndarray, tried: int) -> Estima
     The information is J^T J and the prior's, in the end with the secants over one standard error to either side in
     place of derivatives: just before the end of a branch the latter are far too steep.
     """
-    data, n, (chi2, growth) = problem.data.size, len(q), problem.misfit(q)
+    data, n, (chi2, growth) = problem.data.size, len(q), problem.chi2_and_growth(q)
     slopes = _slopes(problem, q, np.eye(n), STEP)
     wrong = _slopes(problem, q, np.eye(n), 3 * STEP) - slopes
     slopes[np.linalg.norm(wrong, axis=1) > ROUGH * np.linalg.norm(slopes, axis=1)] = 0

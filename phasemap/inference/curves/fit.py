@@ -199,8 +199,8 @@ def fit_distance(
         asked = with_law(parameters, CurveSetting(first, beneath, height), more)
         known = max(fits, key=lambda one: one.evidence).values if fits else {}
         fit = _fit("tip_offset", tip_offsets, given, direction, (first, beneath, height), asked, starts, known)
-        said = refused(scope.interaction, beneath.interaction) if isinstance(law, str) else ""
-        fits.append(replace(fit, status=" ".join(filter(None, (fit.status, said, unknown)))))
+        refusal = refused(scope.interaction, beneath.interaction) if isinstance(law, str) else ""
+        fits.append(replace(fit, status=" ".join(filter(None, (fit.status, refusal, unknown)))))
     best, *others = sorted(fits, key=lambda one: -one.evidence)
     return replace(best, rivals=tuple(others), status=f"{best.status} {left_out}".rstrip())
 

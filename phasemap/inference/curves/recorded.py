@@ -111,14 +111,14 @@ def check_unsaid(offset: float, **given: Any) -> None:
     """Refuse what is given beside a curve that was read, which has its own."""
     for name, value in {"offset": offset or None, **given}.items():
         if value is not None:
-            one = 'One direction is curve.sel(direction="approach").' if name == "direction" else ""
-            raise InputError(name, Word("given"), "nothing beside a curve that was read, which has its own", one)
+            hint = 'One direction is curve.sel(direction="approach").' if name == "direction" else ""
+            raise InputError(name, Word("given"), "nothing beside a curve that was read, which has its own", hint)
 
 
 def with_law(parameters: Any, setup: CurveSetting, more: dict[str, float | None]) -> dict[str, float | None]:
     """What is fitted with what a law adds, as far as it acts; what is said of how well that is known is kept."""
-    own = spreads_of(parameters, setup.material)
-    every = {**own, **more, **{name: spread for name, spread in own.items() if spread is not None}}
+    spreads = spreads_of(parameters, setup.material)
+    every = {**spreads, **more, **{name: spread for name, spread in spreads.items() if spread is not None}}
     return those_that_act(every, setup)
 
 
@@ -174,43 +174,44 @@ def under(law: object, scope: Microscope, start: Material) -> tuple[Microscope, 
     names = dict.fromkeys((*EVERY, *BEGUN))
     if isinstance(law, str) and law.lower() not in names:
         raise InputError("law", law, "one of " + ", ".join(names))
-    own = law if isinstance(law, Interaction) else _named(str(law), scope.interaction)
+    interaction = law if isinstance(law, Interaction) else _named(str(law), scope.interaction)
     more: dict[str, float | None] = {}
-    if own.law.takes_film:
+    if interaction.law.takes_film:
         start, more["thickness"] = replace(start, thickness=start.thickness or FILM), None
-    if own.law.wets:
+    if interaction.law.wets:
         start, more["liquid_film"] = replace(start, liquid_film=start.liquid_film or LIQUID), None
-    for name, field in numbers_of_law(own).items():
-        if name in FITTED and getattr(own.contact, field) > number_of(type(own.contact), field).ends[0]:
+    for name, field in numbers_of_law(interaction).items():
+        if name in FITTED and getattr(interaction.contact, field) > number_of(type(interaction.contact), field).ends[0]:
             more[name] = None
-    if own.decay_length is not None:
+    if interaction.decay_length is not None:
         more["decay_length"] = 2.0
-    return replace(scope, interaction=own), start, more
+    return replace(scope, interaction=interaction), start, more
 
 
 def _named(name: str, given: Interaction) -> Interaction:
     """Interaction with a law of `EVERY` or `BEGUN`, and else as given, but for what the law refuses."""
-    own = Interaction(BEGUN.get(name.lower(), name))
+    interaction = Interaction(BEGUN.get(name.lower(), name))
     for part in PARTS:
         with suppress(InputError), unquestioned():
-            changed = replace(own, **{part: getattr(given, part)})
+            changed = replace(interaction, **{part: getattr(given, part)})
             changed.law.pull(np.array([PRIOR.modulus]), np.array([PRIOR.adhesion]), FILM)  # a cone's needs its reach
-            own = changed
-    if own.law.hysteretic and not (own.law.may_do_without_neck or own.law.wets):
-        own = replace(own, decay_length=None)  # a neck beside a force that reaches farther would create energy
-    return own
+            interaction = changed
+    if interaction.law.hysteretic and not (interaction.law.may_do_without_neck or interaction.law.wets):
+        # A neck beside a force that reaches farther would create energy.
+        interaction = replace(interaction, decay_length=None)
+    return interaction
 
 
 def as_known_to(law: ContactLaw, start: Material) -> tuple[Material, str]:
     """The start as a law among several can have it, and what is said of what it does not know."""
     foreign = ("thickness",) * (not law.takes_film) + ("liquid_film", "contact_angle") * (not law.wets)
     lost: dict[str, Any] = dict.fromkeys(name for name in foreign if getattr(start, name) is not None)
-    said = f"{law.name} contact is fitted without {', '.join(lost)} of the start, which it does not know."
-    return replace(start, **lost), said if lost else ""
+    sentence = f"{law.name} contact is fitted without {', '.join(lost)} of the start, which it does not know."
+    return replace(start, **lost), sentence if lost else ""
 
 
-def refused(given: Interaction, own: Interaction) -> str:
+def refused(given: Interaction, kept: Interaction) -> str:
     """What is said of the parts of a given interaction that a law could not keep."""
-    lost = [part for part in PARTS if getattr(own, part) != getattr(given, part)]
-    said = f"Not as in the microscope's interaction, for {own.law.name} contact refuses it: {', '.join(lost)}."
-    return said if lost else ""
+    lost = [part for part in PARTS if getattr(kept, part) != getattr(given, part)]
+    sentence = f"Not as in the microscope's interaction, for {kept.law.name} contact refuses it: {', '.join(lost)}."
+    return sentence if lost else ""

@@ -86,11 +86,11 @@ def moved(setup: CurveSetting, axis: str, values: np.ndarray, rows: np.ndarray, 
     """
     path, x, m = Course.of(setup, axis, values)
     curves = Curves(path, ENTRY_Z0, x, (0.0, np.inf, 0.0), 0)
-    found = curves.stable_rows_at(rows, m[at], x[at])
-    if found is None or (np.abs(found[:, col.AMPLITUDE] / rows[:, col.AMPLITUDE] - 1) > NEAR).any():
+    solved = curves.stable_rows_at(rows, m[at], x[at])
+    if solved is None or (np.abs(solved[:, col.AMPLITUDE] / rows[:, col.AMPLITUDE] - 1) > NEAR).any():
         return None
-    turned = within_half_a_turn(np.degrees(found[:, col.PHASE] - rows[:, col.PHASE]))
-    return None if (np.abs(turned) > NEAR_PHASE).any() else curves.seen(found)
+    turned = within_half_a_turn(np.degrees(solved[:, col.PHASE] - rows[:, col.PHASE]))
+    return None if (np.abs(turned) > NEAR_PHASE).any() else curves.seen(solved)
 
 
 def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> CurveBranches:
@@ -100,19 +100,19 @@ def _branches_in_time(question: Question, tip_offsets: np.ndarray) -> CurveBranc
     """
     nearest, half = float(tip_offsets.min()), 0.5 * question.scope.driven_amplitude
     nearer = np.linspace(half, nearest, NEARER if half < nearest else 0, endpoint=False)
-    x, work, found = np.concatenate([nearer, np.sort(tip_offsets)]), question.work(marched=True), []
+    x, work, branches = np.concatenate([nearer, np.sort(tip_offsets)]), question.work(marched=True), []
     for visit in there_and_back(work, x):
         rows = rows_as_seen(visit.rows, np.broadcast_to(work.lever, (len(x), len(work.lever))))
         repelled = col.is_repulsive(rows)
         for side in (repelled, ~repelled):
-            there = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
-            for part in np.split(there, 1 + np.flatnonzero(np.diff(there) > 1)) if len(there) else ():
+            on_side = np.flatnonzero(side & np.isfinite(rows[:, col.AMPLITUDE]))
+            for part in np.split(on_side, 1 + np.flatnonzero(np.diff(on_side) > 1)) if len(on_side) else ():
                 gap = np.maximum(0, np.maximum(x[part[0]] - tip_offsets, tip_offsets - x[part[-1]]))
-                values = [np.interp(tip_offsets, x[part], rows[part, one]) for one in (col.AMPLITUDE, col.PHASE)]
-                found.append((*values, gap))
-    if not found:
+                values = [np.interp(tip_offsets, x[part], rows[part, column]) for column in (col.AMPLITUDE, col.PHASE)]
+                branches.append((*values, gap))
+    if not branches:
         return _no_branches(tip_offsets)
-    amplitude, phase, gap = (np.stack(each) for each in zip(*found, strict=True))
+    amplitude, phase, gap = (np.stack(each) for each in zip(*branches, strict=True))
     return CurveBranches(amplitude, np.degrees(phase), gap)
 
 
@@ -190,9 +190,9 @@ class CurveProblem:
     def choose(self, q: np.ndarray, ruler: Ruler, near: Choice | None = None) -> Choice:
         """The orbits at q that are nearest to others, or to the data."""
         wanted = near or Choice(self.data.measured, np.zeros(self._shape))
-        setup, found = self.setup_at(q), self._branches(q)
-        read = setup.read(found.amplitude[:, None], found.phase[:, None])
-        apart = ((found.gap[:, None] - wanted.gap) / ruler.gap) ** 2
+        setup, branches = self.setup_at(q), self._branches(q)
+        read = setup.read(branches.amplitude[:, None], branches.phase[:, None])
+        apart = ((branches.gap[:, None] - wanted.gap) / ruler.gap) ** 2
         for name, numbers in wanted.read.items():
             apart = apart + (difference(name, read[name], numbers) / ruler.size[name]) ** 2
         best = np.argmin(apart, axis=0)
@@ -200,13 +200,13 @@ class CurveProblem:
         def chosen(values: np.ndarray) -> np.ndarray:
             return np.take_along_axis(np.broadcast_to(values, apart.shape), best[None], axis=0)[0]
 
-        return Choice({name: chosen(read[name]) for name in wanted.read}, chosen(found.gap[:, None]), best)
+        return Choice({name: chosen(read[name]) for name in wanted.read}, chosen(branches.gap[:, None]), best)
 
     def residuals(self, q: np.ndarray, ruler: Ruler) -> np.ndarray:
         """Differences of model and data and the gaps, over what counts as one, and what the prior says against q."""
         return np.concatenate([self._compare(self.choose(q, ruler), ruler), q])
 
-    def misfit(self, q: np.ndarray) -> tuple[float, float]:
+    def chi2_and_growth(self, q: np.ndarray) -> tuple[float, float]:
         """chi2 of the data by their errors as stated, and the factor by which these have to be larger, 1 at least."""
         chi2 = float((self.residuals(q, Ruler.strict(self.data))[: self.data.size] ** 2).sum())
         return chi2, math.sqrt(max(1.0, chi2 / (self.data.size - len(q))))
@@ -234,12 +234,17 @@ class CurveProblem:
         None where branches have to be followed first: where one ended before a datum (`gap`), one is lost, or no
         parameter that moves the tip differs (`_motion_key`), for then the branches at q are those of both.
         """
-        found, count = self._branches(q), len(self.data.values)
-        if found.rows is None or here.branch is None or here.gap.any() or self._motion_key(at) == self._motion_key(q):
+        branches, count = self._branches(q), len(self.data.values)
+        if (
+            branches.rows is None
+            or here.branch is None
+            or here.gap.any()
+            or self._motion_key(at) == self._motion_key(q)
+        ):
             return None
         setup, wanted = self.setup_at(at), here.branch * count + np.arange(count)
         distinct, which = np.unique(wanted, return_inverse=True)
-        rows = found.rows.reshape(-1, col.FULL)[distinct]
+        rows = branches.rows.reshape(-1, col.FULL)[distinct]
         solved = moved(setup, self.data.axis, self.data.values, rows, distinct % count)
         if solved is None:
             return None
@@ -287,7 +292,7 @@ def _map_in_threads(function: Callable[[np.ndarray], Any], places: Iterable[np.n
         return list(pool.map(function, places))
 
 
-def difference(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def difference(name: str, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Difference of two arrays, the first less the second; phases [degree] within half a turn."""
-    apart: np.ndarray = one - other
+    apart: np.ndarray = first - second
     return within_half_a_turn(apart) if name == "phase" else apart

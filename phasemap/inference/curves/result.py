@@ -101,10 +101,10 @@ class Fit:
 
     def __repr__(self) -> str:
         """The values, and whether to believe them."""
-        said = ", ".join(
-            f"{name} {with_error(one, self.errors[name], self.units[name])}" for name, one in self.values.items()
+        text = ", ".join(
+            f"{name} {with_error(value, self.errors[name], self.units[name])}" for name, value in self.values.items()
         )
-        return f"Fit({'good' if self.good else 'doubtful'}: {said})"
+        return f"Fit({'good' if self.good else 'doubtful'}: {text})"
 
     def __str__(self) -> str:
         """A report with units."""
@@ -117,11 +117,11 @@ class Fit:
             apart = fit.evidence - self.evidence
             lines.append(f"  law {fit.law:<14} chi2 over degrees {fit.chi2 / fit.degrees:<7.3g} evidence {apart:+.1f}")
         names = list(self.values)
-        for i, one in enumerate(names):
+        for i, name in enumerate(names):
             for j in range(i):
                 number = float(self.correlation[i, j])
                 if abs(number) > STRONG:
-                    lines.append(f"  {names[j]} and {one} are correlated by {number:+.3f}")
+                    lines.append(f"  {names[j]} and {name} are correlated by {number:+.3f}")
         return "\n".join(lines)
 
     def to_dataset(self) -> xr.Dataset:
@@ -129,18 +129,18 @@ class Fit:
         names = list(self.values)
         units = " ".join(f"{name}:{self.units[name].replace(' ', '.')}" for name in names)
         numbers = {
-            f"parameter_{word}": ("parameter", list(part.values()), {"long_name": said, "parameter_units": units})
-            for word, part, said in (
+            f"parameter_{word}": ("parameter", list(part.values()), {"long_name": long_name, "parameter_units": units})
+            for word, part, long_name in (
                 ("value", self.values, "fitted value"), ("error", self.errors, "standard error of the fitted value")
             )
         }  # fmt: skip
-        found = self.curve.assign(numbers).assign(parameter_correlation=self.correlation)
-        found.attrs.update(
+        ds = self.curve.assign(numbers).assign(parameter_correlation=self.correlation)
+        ds.attrs.update(
             law=self.law,
             chi2=self.chi2, degrees_of_freedom=self.degrees, good=int(self.good), fit_status=self.status,
             starts=self.starts, evaluations=self.evaluations,
         )  # fmt: skip
-        return found
+        return ds
 
 
 def in_unit(value: float, unit: str) -> str:
@@ -173,29 +173,29 @@ def make_fit(problem: CurveProblem, solution: Estimate) -> Fit:
         curve = sweep_distance(setup.material, setup.scope, data.values + setup.height)
     off, excused = _off_branch(setup, data, choice, curve)
     _add_data(curve, data, choice, off)
-    own = np.sqrt(np.diag(solution.covariance))
+    sigmas = np.sqrt(np.diag(solution.covariance))
     correlation = correlation_of(solution.covariance)
     codes = _codes(problem, solution)
     errors = {
         p.name: np.inf if code == OPEN else p.error(float(at), float(error))
-        for p, at, error, code in zip(problem.parameters, q, own, codes, strict=True)
+        for p, at, error, code in zip(problem.parameters, q, sigmas, codes, strict=True)
     }
     degrees = data.size - len(names)
     of_material = np.array([name in OF_SAMPLE for name in names])
-    said = say_codes([name.replace("_", " ") for name in names], codes, correlation)
+    sentence = say_codes([name.replace("_", " ") for name in names], codes, correlation)
     lost = bool((codes[of_material] != DETERMINED).any())
     wrong = [_unlikely(solution, degrees)] if chance(solution.chi2, degrees) < UNLIKELY else []
     wrong += _run_away(problem, q)
     aside = _other_branch_in_words(data, off & excused, "next to a jump")
     wrong += _other_branch_in_words(data, off & ~excused, "that its sweep does not visit")
-    wrong += [said] if lost else []
+    wrong += [sentence] if lost else []
     if not wrong and solution.tried > 1:
         aside.append(f"it needed {solution.tried} starting points.")
     if not wrong and not aside:
         aside = ["the curve agrees with the data, and the data determine every property of the material."]
     if not lost and (codes != DETERMINED).any():
-        aside.append(said)
-    aside += _softer(problem, setup, float(own[names.index("modulus")]) if "modulus" in names else np.inf)
+        aside.append(sentence)
+    aside += _softer(problem, setup, float(sigmas[names.index("modulus")]) if "modulus" in names else np.inf)
     return Fit(
         material=setup.material, scope=setup.scope,
         values={p.name: p.value(float(at)) for p, at in zip(problem.parameters, q, strict=True)},
@@ -277,14 +277,14 @@ def _add_data(curve: xr.Dataset, data: Data, choice: Choice, off: np.ndarray) ->
     dims = ("direction", data.axis)
     for name in data.measured:
         about = float_attributes(name)
-        for word, said, values in (
+        for word, long_name, values in (
             ("measured_{}", "measured {}", data.measured[name]),
             ("measured_{}_error", "standard error of the measured {}", data.errors[name]),
             ("fitted_{}", "{} of the fit, as the instrument would read it", choice.read[name]),
         ):
             full = np.full((2, len(data.values)), np.nan)
             full[rows] = values
-            curve[word.format(name)] = (dims, full, {**about, "long_name": said.format(name)})
+            curve[word.format(name)] = (dims, full, {**about, "long_name": long_name.format(name)})
     flags = np.zeros((2, len(data.values)), np.int8)
     flags[rows] = off
     curve["off_branch"] = (dims, flags, coded("whether the sweep visits the datum's branch", "visited", "off_branch"))
@@ -302,10 +302,10 @@ def _unlikely(solution: Estimate, degrees: int) -> str:
 
 def _other_branch_in_words(data: Data, off: np.ndarray, where: str) -> list[str]:
     """Sentence on data that are on another branch."""
-    said, (word, factor) = [], SHOWN["Hz" if data.axis == "frequency" else "m"]
+    sentences, (word, factor) = [], SHOWN["Hz" if data.axis == "frequency" else "m"]
     for direction, at in zip(data.directions, off, strict=True):
         if at.any():
-            some = ", ".join(f"{value * factor:.6g}" for value in data.values[at][:MOST_NAMED])
+            shown = ", ".join(f"{value * factor:.6g}" for value in data.values[at][:MOST_NAMED])
             more = f" and {at.sum() - MOST_NAMED} more" if at.sum() > MOST_NAMED else ""
-            said.append(f"The fit has data {where} ({direction}) on another branch: {some}{more} {word}.")
-    return said
+            sentences.append(f"The fit has data {where} ({direction}) on another branch: {shown}{more} {word}.")
+    return sentences

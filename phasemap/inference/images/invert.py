@@ -66,23 +66,26 @@ class Estimates(NamedTuple):
 
 
 def dataset_of(
-    found: Estimates, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any], how: str
-) -> xr.Dataset:
+    estimates: Estimates, stack: Stack, image: xr.Dataset, dims: tuple[str, ...], configuration: dict[str, Any],
+    how: str,
+) -> xr.Dataset:  # fmt: skip
     """Materials over these dims, settings over "image", and where all this comes from; places are those of an image."""
     ds = xr.Dataset()
     for i, name in enumerate(PARAMETERS):
         more = {"ancillary_variables": f"{name}_error flag"}
-        add_variable(ds, name, dims, found.materials[..., i], name, UNITS[name], **more)
-        said = f"standard error of the natural logarithm of the {name}"
-        add_variable(ds, f"{name}_error", dims, found.errors[..., i], said)
+        add_variable(ds, name, dims, estimates.materials[..., i], name, UNITS[name], **more)
+        long_name = f"standard error of the natural logarithm of the {name}"
+        add_variable(ds, f"{name}_error", dims, estimates.errors[..., i], long_name)
     scope = stack.scopes[0]
     if scope.interaction.damping_exponent == scope.interaction.law.spread:
-        said = "viscosity that is this damping, whose relative error it has"
-        add_variable(ds, "viscosity", dims, found.materials[..., 2] / damping_of(np.ones(()), scope), said, "Pa s")
-    said = "chi2 over degrees of freedom, about 1 where the model describes the data"
-    add_variable(ds, "misfit", dims if found.misfit.ndim else (), found.misfit, said)
+        long_name = "viscosity that is this damping, whose relative error it has"
+        add_variable(
+            ds, "viscosity", dims, estimates.materials[..., 2] / damping_of(np.ones(()), scope), long_name, "Pa s"
+        )
+    long_name = "chi2 over degrees of freedom, about 1 where the model describes the data"
+    add_variable(ds, "misfit", dims if estimates.misfit.ndim else (), estimates.misfit, long_name)
     meant = {"flag_masks": np.array([1 << i for i in range(len(FLAGS))], np.uint8), "flag_meanings": " ".join(FLAGS)}
-    ds["flag"] = (dims, found.flags, {"long_name": "what the data do not determine, or what went wrong", **meant})
+    ds["flag"] = (dims, estimates.flags, {"long_name": "what the data do not determine, or what went wrong", **meant})
     add_variable(ds, "setpoint", "image", list(stack.setpoints), "setpoint")
     amplitudes = [one.drive.free_amplitude for one in stack.scopes]
     add_variable(ds, "free_amplitude", "image", amplitudes, "free amplitude at resonance", "m")
@@ -106,13 +109,13 @@ class _Valleys(NamedTuple):
     spreads: Array
 
 
-def moments(problem: RegionProblems, found: Solution, covariance: Array) -> tuple[Array, Array]:
+def moments(problem: RegionProblems, solution: Solution, covariance: Array) -> tuple[Array, Array]:
     """Means, shape (n, 3), and covariances, shape (n, 3, 3), of the logarithms. `covariance`: those of the parabola."""
-    mean, parabola, covariance = found.q.copy(), covariance, covariance.copy()
+    mean, parabola, covariance = solution.q.copy(), covariance, covariance.copy()
     wide = (np.einsum("nii->ni", covariance) > SHARP**2).any(axis=1)
-    wide = np.flatnonzero(wide & found.good & (problem.sides != 0).any(axis=(1, 2)))
+    wide = np.flatnonzero(wide & solution.good & (problem.sides != 0).any(axis=(1, 2)))
     if len(wide):
-        part, here = problem.part(wide), found.part(wide)
+        part, here = problem.part(wide), solution.part(wide)
         sizes, axes = np.linalg.eigh(covariance[wide])
         mean[wide], covariance[wide] = _integrate(part, here, covariance[wide], sizes[:, 2], axes[:, :, ::-1])
         if not problem.model.averages:  # far from harmonic, the second widest direction is a valley too
@@ -132,15 +135,15 @@ def moments_of_all(problem: RegionProblems, solutions: list[Solution]) -> tuple[
     """Means and covariances over several solutions, the best first; each counts by its share of the posterior."""
     best, means, spreads, logs = solutions[0], list[Array](), list[Array](), list[Array]()
     matrix = information(problem, problem.weigh(best.slopes))
-    for one in solutions:
-        apart = one.q - best.q
+    for solution in solutions:
+        apart = solution.q - best.q
         other = np.einsum("ni,nij,nj->n", apart, matrix, apart) > APART**2
-        some = np.flatnonzero((one is best) | (other & (one.cost < best.cost + DEEP)))
-        part, here = problem.part(some), one.part(some)
+        chosen = np.flatnonzero((solution is best) | (other & (solution.chi2 < best.chi2 + DEEP)))
+        part, here = problem.part(chosen), solution.part(chosen)
         mean, spread, log = best.q.copy(), np.tile(np.eye(3), (len(apart), 1, 1)), np.full(len(apart), -np.inf)
         parabola = np.asarray(np.linalg.inv(information(part, part.weigh(here.slopes))), np.float64)
-        mean[some], spread[some] = moments(part, here, parabola)
-        log[some] = 0.5 * (np.linalg.slogdet(spread[some])[1] - np.nan_to_num(here.cost - best.cost[some]))
+        mean[chosen], spread[chosen] = moments(part, here, parabola)
+        log[chosen] = 0.5 * (np.linalg.slogdet(spread[chosen])[1] - np.nan_to_num(here.chi2 - best.chi2[chosen]))
         means, spreads, logs = [*means, mean], [*spreads, spread], [*logs, log]
     share = np.exp(logs - np.max(logs, axis=0))
     share /= share.sum(axis=0)
@@ -150,7 +153,7 @@ def moments_of_all(problem: RegionProblems, solutions: list[Solution]) -> tuple[
 
 
 def _integrate(
-    problem: RegionProblems, found: Solution, covariance: Array, size: Array, axes: Array
+    problem: RegionProblems, solution: Solution, covariance: Array, size: Array, axes: Array
 ) -> tuple[Array, Array]:
     """Moments along the valleys of some pixels: along the first of the axes, (n, 3, 3), of this variance, (n,)."""
     n, k = len(size), 2 * STEPS + 1
@@ -158,9 +161,9 @@ def _integrate(
     places = np.concatenate([-lengths[:, ::-1], np.zeros((n, 1)), lengths], axis=1)
     logs, points, spreads = np.full((n, k), -np.inf), np.zeros((n, k, 3)), np.zeros((n, k, 3, 3))
     for sign in (-1, 1):
-        _walk(problem, found, _Valleys(axes[:, :, 0], axes[:, :, 1:], places, logs, points, spreads), sign)
+        _walk(problem, solution, _Valleys(axes[:, :, 0], axes[:, :, 1:], places, logs, points, spreads), sign)
     lost = np.isneginf(logs).all(axis=1)
-    logs[lost, STEPS], points[lost, STEPS], spreads[lost, STEPS] = 0.0, found.q[lost], covariance[lost]
+    logs[lost, STEPS], points[lost, STEPS], spreads[lost, STEPS] = 0.0, solution.q[lost], covariance[lost]
     steps = np.pad(np.diff(places, axis=1), ((0, 0), (1, 1)))
     weights = (steps[:, 1:] + steps[:, :-1]) * np.exp(logs - logs.max(axis=1, keepdims=True))
     weights /= weights.sum(axis=1, keepdims=True)
@@ -169,42 +172,42 @@ def _integrate(
     spread = np.einsum("nk,nkij->nij", weights, spreads + apart[..., None] * apart[..., None, :])
     # Where the valley could not be followed to its sides, it may go on: the parabola's width is the least.
     cut = ~(_fallen(logs) & _fallen(logs[:, ::-1]))
-    apart = found.q - mean
+    apart = solution.q - mean
     wider = spread + covariance + apart[:, :, None] * apart[:, None, :]
     return mean, np.where(cut[:, None, None], wider, spread)
 
 
-def _walk(problem: RegionProblems, found: Solution, valleys: _Valleys, sign: int) -> None:
+def _walk(problem: RegionProblems, solution: Solution, valleys: _Valleys, sign: int) -> None:
     """Follow the valleys to one side, and fill in densities, means and covariances along them."""
     along, across, places, logs, points, spreads = valleys
-    some, q, roots = np.arange(len(along)), found.q.copy(), found.places.copy()
+    pixels, q, roots = np.arange(len(along)), solution.q.copy(), solution.places.copy()
     for k in range(STEPS + 1):
-        at, there = STEPS + sign * k, roots[some]
-        orbits = problem.part(some).orbits(q[some], there) if k > 0 else found
-        inside = orbits.good & (np.abs(q[some]) < problem.model.reach).all(axis=1)
-        some = some[inside]
-        if not len(some):
+        at, near = STEPS + sign * k, roots[pixels]
+        orbits = problem.part(pixels).orbits(q[pixels], near) if k > 0 else solution
+        inside = orbits.good & (np.abs(q[pixels]) < problem.model.reach).all(axis=1)
+        pixels = pixels[inside]
+        if not len(pixels):
             return
-        roots[some], part = there[inside], problem.part(some)
-        rest = part.rest(orbits.values[inside], found.defect[some])
-        matrix, pull = normal_equations(part, part.weigh(orbits.slopes[inside]), rest, q[some])
-        plane, line = across[some], along[some, :, None]
+        roots[pixels], part = near[inside], problem.part(pixels)
+        rest = part.rest(orbits.values[inside], solution.defect[pixels])
+        matrix, pull = normal_equations(part, part.weigh(orbits.slopes[inside]), rest, q[pixels])
+        plane, line = across[pixels], along[pixels, :, None]
         to_plane = plane.transpose(0, 2, 1)
         inner = np.linalg.inv(to_plane @ matrix @ plane)
         cross = to_plane @ pull[..., None]
         step = inner @ cross
-        cost = part.cost(rest, q[some]) - (cross * step).sum(axis=(1, 2))
+        chi2 = part.chi2(rest, q[pixels]) - (cross * step).sum(axis=(1, 2))
         move = (plane @ step)[..., 0]
         move *= np.minimum(1.0, LONGEST / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
-        logs[some, at] = -0.5 * cost + 0.5 * np.log(np.linalg.det(inner))
-        points[some, at] = q[some] + move
+        logs[pixels, at] = -0.5 * chi2 + 0.5 * np.log(np.linalg.det(inner))
+        points[pixels, at] = q[pixels] + move
         spread = plane @ inner
-        spreads[some, at] = spread @ to_plane
+        spreads[pixels, at] = spread @ to_plane
         if k == STEPS:
             return
         tangent = (line - spread @ (to_plane @ (matrix @ line)))[..., 0]
-        q[some] = points[some, at] + (places[some, at + sign] - places[some, at])[:, None] * tangent
-        some = some[logs[some, at] > logs[some].max(axis=1) - 0.5 * DEEP]
+        q[pixels] = points[pixels, at] + (places[pixels, at + sign] - places[pixels, at])[:, None] * tangent
+        pixels = pixels[logs[pixels, at] > logs[pixels].max(axis=1) - 0.5 * DEEP]
 
 
 def _fallen(logs: Array) -> NDArray[np.bool_]:
@@ -300,12 +303,12 @@ def invert(
         (height_error, height_zero, height_zero_error),
     )  # fmt: skip
     model, shape = make_model(stack.scopes, stack.setpoints, prior, factor), given[0]["phase"].shape
-    found = _solve(model, stack, threads, progress)
-    maps = Estimates(*(values.reshape(*shape, *values.shape[1:]) for values in found))
+    estimates = _solve(model, stack, threads, progress)
+    maps = Estimates(*(values.reshape(*shape, *values.shape[1:]) for values in estimates))
     configuration = {"prior": describe(prior), "prior_factor": factor}
     ds = dataset_of(maps, stack, given[0], ("y", "x"), configuration, "inverted")
-    parts = [f"{name.replace('_', ' ')} {100 * np.mean(found.flags >> i & 1):.3g} %"
-             for i, name in enumerate(FLAGS) if (found.flags >> i & 1).any()]  # fmt: skip
+    parts = [f"{name.replace('_', ' ')} {100 * np.mean(estimates.flags >> i & 1):.3g} %"
+             for i, name in enumerate(FLAGS) if (estimates.flags >> i & 1).any()]  # fmt: skip
     ds.attrs["verdict"] = f"Of {len(stack)}: {', '.join(parts) or 'everything is determined'}."
     if len(given) == 1:
         ds.attrs["advice"] = ALONE
@@ -323,9 +326,9 @@ def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress |
     def solve(first: int, last: int) -> None:
         kinds = np.unique(stack.errors[first:last].reshape(last - first, -1), axis=0, return_inverse=True)[1]
         for kind in np.unique(kinds):
-            some = first + np.flatnonzero(kinds.reshape(-1) == kind)
-            for whole, values in zip(answer, _solve_alike(model, grid, stack.part(some)), strict=True):
-                whole[some] = values
+            alike = first + np.flatnonzero(kinds.reshape(-1) == kind)
+            for whole, values in zip(answer, _solve_alike(model, grid, stack.part(alike)), strict=True):
+                whole[alike] = values
 
     least, most = BLOCKS if model.averages else EXACT_BLOCKS
     spread(solve, bounds_of(count, max(least, chunk_of(count, workers, most))), workers, progress)
@@ -335,24 +338,24 @@ def _solve(model: Model, stack: Stack, threads: int | None, progress: Progress |
 def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Estimates:
     """Materials of pixels that have the same errors."""
     problem = problem_of_pixels(model, stack)
-    found, *others = (refine(problem, one) for one in descend_from_grid(problem, grid))
-    for one in others:  # the best first
-        better = np.flatnonzero(one.cost < found.cost)
-        worse = found.part(better)
-        found.put(better, one.part(better))
-        one.put(better, worse)
-    slopes, rest = problem.weigh(found.slopes), problem.rest(found.values, found.defect)
+    best, *others = (refine(problem, one) for one in descend_from_grid(problem, grid))
+    for other in others:  # the best first
+        better = np.flatnonzero(other.chi2 < best.chi2)
+        worse = best.part(better)
+        best.put(better, other.part(better))
+        other.put(better, worse)
+    slopes, rest = problem.weigh(best.slopes), problem.rest(best.values, best.defect)
     parabola = np.linalg.inv(information(problem, slopes))
     learnt = np.einsum("nij,naj,nai->n", parabola, slopes, slopes)  # parameters that the data determine
-    mean, covariance = moments_of_all(problem, [found, *others])
+    mean, covariance = moments_of_all(problem, [best, *others])
     errors = np.sqrt(np.einsum("nii->ni", covariance))
     data, chi2 = int((problem.weights > 0).sum()), (rest**2).sum(axis=1)
     degrees = data - problem.projection.basis.shape[1] - learnt
     flags = ((errors > UNKNOWN) << np.arange(3)).sum(axis=1)
-    flags |= POOR * (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY) | AVERAGED * ~found.exact
+    flags |= POOR * (chance(chi2, np.maximum(degrees, 0.5)) < UNLIKELY) | AVERAGED * ~best.exact
     # A tip that is attracted in all images and touches a little, and one that never touches, are minima of their own.
     untouched = (problem.sides <= 0).all(axis=(1, 2)) & (errors[:, 0] > UNKNOWN) & (errors[:, 1] <= UNKNOWN)
     flags |= AMBIGUOUS * untouched
-    flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(found.good, flags, NO_ORBIT | 7)
-    lost = np.where(found.good & (data > 0), 1.0, np.nan)
+    flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(best.good, flags, NO_ORBIT | 7)
+    lost = np.where(best.good & (data > 0), 1.0, np.nan)
     return Estimates(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)

@@ -48,19 +48,21 @@ class RegionProblems:
 
     def part(self, chosen: NDArray[Any]) -> RegionProblems:
         """Some of the problems."""
-        some = {name: getattr(self, name)[chosen] for name in ("data", "sides", "fixed", "held", "centre")}
-        return replace(self, **some)
+        arrays = {name: getattr(self, name)[chosen] for name in ("data", "sides", "fixed", "held", "centre")}
+        return replace(self, **arrays)
 
     def orbits(self, q: Array, places: Array, search: bool = False) -> Derivatives:
         """Orbits of these materials near `places`, which are moved to them."""
         n, m, u = len(self.sides), self.sides.shape[2], len(self.unknown)
-        there = places[:, self.unknown].reshape(n * u, *places.shape[2:])
-        found = self.model.orbits(q.reshape(n * u, 3), self.sides[:, self.unknown].reshape(n * u, m), there, search)
-        places[:, self.unknown] = there.reshape(n, u, *places.shape[2:])
+        near = places[:, self.unknown].reshape(n * u, *places.shape[2:])
+        derivatives = self.model.orbits(
+            q.reshape(n * u, 3), self.sides[:, self.unknown].reshape(n * u, m), near, search
+        )
+        places[:, self.unknown] = near.reshape(n, u, *places.shape[2:])
         values = self.fixed.copy()
-        values[:, self.unknown] = found.values.reshape(n, u, m, 2)
-        good = np.asarray(found.good.reshape(n, u).all(axis=1))
-        return Derivatives(values, found.slopes.reshape(n, u, m, 2, 3), good)
+        values[:, self.unknown] = derivatives.values.reshape(n, u, m, 2)
+        good = np.asarray(derivatives.good.reshape(n, u).all(axis=1))
+        return Derivatives(values, derivatives.slopes.reshape(n, u, m, 2, 3), good)
 
     def defect(self, q: Array, places: Array, values: Array) -> tuple[Array, Flags]:
         """Differences of exact orbits from these averaged values, and of which problems all of them are known."""
@@ -91,7 +93,7 @@ class RegionProblems:
         """Weighted residuals less the part that zeros explain."""
         return self.projection.without(self.residuals(values, defect)[..., None])[..., 0]
 
-    def cost(self, rest: Array, q: Array) -> Array:
+    def chi2(self, rest: Array, q: Array) -> Array:
         """chi2 of data, of which these residuals are left, and priors, shape (n,)."""
         apart = q - self.centre
         return (rest**2).sum(axis=1) + ((apart @ self.prior) * apart).sum(axis=1)
@@ -141,7 +143,7 @@ class Solution(NamedTuple):
     # good, exact: shape (n,); whether there is an orbit in every image, and whether the exact ones are known
     good: Flags
     exact: Flags
-    cost: Array  # shape (n,); infinite without orbits
+    chi2: Array  # shape (n,); infinite without orbits
 
     def part(self, chosen: NDArray[Any]) -> Solution:
         """Solutions of some of the problems."""
@@ -167,66 +169,66 @@ def normal_equations(problem: RegionProblems, slopes: Array, rest: Array, q: Arr
 def go_downhill(problem: RegionProblems, q: Array, places: Array, defect: Array) -> Solution:
     """Go downhill from these materials and places of their orbits, with this difference of exact and averaged ones."""
     q, places = q.copy(), places.copy()
-    found = problem.orbits(q, places, search=True)
+    orbits = problem.orbits(q, places, search=True)
     exact = np.zeros(len(q), bool)
-    return _descend(problem, Solution(q, places, defect.copy(), *found, exact, np.zeros(len(q))))
+    return _descend(problem, Solution(q, places, defect.copy(), *orbits, exact, np.zeros(len(q))))
 
 
-def _descend(problem: RegionProblems, found: Solution) -> Solution:
+def _descend(problem: RegionProblems, solution: Solution) -> Solution:
     """Go downhill from a solution, whose arrays are changed."""
-    q, cost, reach = found.q, found.cost, problem.model.reach
-    cost[:] = np.where(found.good, problem.cost(problem.rest(found.values, found.defect), q), np.inf)
+    q, chi2, reach = solution.q, solution.chi2, problem.model.reach
+    chi2[:] = np.where(solution.good, problem.chi2(problem.rest(solution.values, solution.defect), q), np.inf)
     damping = np.full(len(q), 1e-2)
-    active = found.good & (problem.sides != 0).any(axis=(1, 2))
+    active = solution.good & (problem.sides != 0).any(axis=(1, 2))
     close = CLOSE if problem.model.averages else CLOSE_EXACT
     for _ in range(MOST_STEPS):
-        some = np.flatnonzero(active)
-        if not len(some):
+        going = np.flatnonzero(active)
+        if not len(going):
             break
-        part, last = problem.part(some), found.part(some)
+        part, last = problem.part(going), solution.part(going)
         rest = part.rest(last.values, last.defect)
         matrix, pull = normal_equations(part, part.weigh(last.slopes), rest, last.q)
-        steep = matrix * (1 + damping[some, None, None] * np.eye(q.shape[1]))
+        steep = matrix * (1 + damping[going, None, None] * np.eye(q.shape[1]))
         step = np.linalg.solve(steep, pull[..., None])[..., 0]
         expected = (step * pull).sum(axis=1)
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
         trial = np.clip(last.q + step, -reach, reach)
         new = part.orbits(trial, last.places)
-        new_cost = np.where(new.good, part.cost(part.rest(new.values, last.defect), trial), np.inf)
-        better = new_cost <= last.cost
-        moved = last._replace(q=trial, values=new.values, slopes=new.slopes, cost=new_cost)
-        found.put(some[better], moved.part(better))
-        gain = (last.cost - new_cost) / np.maximum(expected, 1e-300)
+        new_chi2 = np.where(new.good, part.chi2(part.rest(new.values, last.defect), trial), np.inf)
+        better = new_chi2 <= last.chi2
+        moved = last._replace(q=trial, values=new.values, slopes=new.slopes, chi2=new_chi2)
+        solution.put(going[better], moved.part(better))
+        gain = (last.chi2 - new_chi2) / np.maximum(expected, 1e-300)
         less = np.where(problem.model.averages | (gain > 0.7), 0.1, np.where(gain > 0.3, 1.0, 3.0))
-        damping[some] = np.where(better, less * damping[some], 6.0 * damping[some])
-        active[some] = ~((better & (expected < close)) | (damping[some] > 1e8))
-    return found
+        damping[going] = np.where(better, less * damping[going], 6.0 * damping[going])
+        active[going] = ~((better & (expected < close)) | (damping[going] > 1e8))
+    return solution
 
 
-def refine(problem: RegionProblems, found: Solution, times: int = DEFECTS) -> Solution:
+def refine(problem: RegionProblems, solution: Solution, times: int = DEFECTS) -> Solution:
     """Go on with the difference of exact and averaged orbits where the last descent ended, until it stays."""
     if not problem.model.averages:
-        return found._replace(exact=found.good)
-    left = np.flatnonzero(found.good & np.isfinite(found.cost))
+        return solution._replace(exact=solution.good)
+    left = np.flatnonzero(solution.good & np.isfinite(solution.chi2))
     for _ in range(times):
-        part, last = problem.part(left), found.part(left)
+        part, last = problem.part(left), solution.part(left)
         defect, known = _defect(part, last)
         start = last._replace(
             q=last.q.copy(), defect=np.where(known[:, None, None, None], defect, last.defect), exact=known
         )
         again = _descend(part, start)
-        found.put(left, again)
+        solution.put(left, again)
         moved = np.abs(again.q - last.q).max(axis=1)  # the defect changes by less than its share of that
         done = moved * np.abs(again.defect * problem.weights).max(axis=(1, 2, 3)) < ENOUGH
         left = left[~(known & done)]
-    return found
+    return solution
 
 
-def _defect(problem: RegionProblems, found: Solution) -> tuple[Array, Flags]:
+def _defect(problem: RegionProblems, solution: Solution) -> tuple[Array, Flags]:
     """Difference of exact and averaged orbits, there or a little beside, and of which problems it is known."""
-    defect, known = problem.defect(found.q, found.places, found.values)
+    defect, known = problem.defect(solution.q, solution.places, solution.values)
     lost = np.flatnonzero(~known)
-    part, beside, places = problem.part(lost), found.q[lost] + BESIDE, found.places[lost]
+    part, beside, places = problem.part(lost), solution.q[lost] + BESIDE, solution.places[lost]
     averaged = part.orbits(beside, places)
     defect[lost], known[lost] = part.defect(beside, places, averaged.values)
     return defect, known

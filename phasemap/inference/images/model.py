@@ -108,14 +108,14 @@ class Model:
         `search`: whether to look for orbits everywhere where `places` lead nowhere.
         """
         n, m = sides.shape
-        found = Derivatives(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
+        derivatives = Derivatives(np.zeros((n, m, 2)), np.zeros((n, m, 2, 3)), np.zeros(n, np.bool_))
         rows = np.stack([self.rows(q), *(self.rows(q + STEP * axis) for axis in np.eye(3))])
         setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
         if self.averages:
-            averaged_block(self.law, rows, STEP, setpoints, search, found)
-            return found
-        collocation_block(self.law, rows, STEP, setpoints, search, TABLES, found)
-        return found
+            averaged_block(self.law, rows, STEP, setpoints, search, derivatives)
+            return derivatives
+        collocation_block(self.law, rows, STEP, setpoints, search, TABLES, derivatives)
+        return derivatives
 
     def phases(self, q: Array, places: Array, asked: NDArray[np.bool_] | None = None, search: bool = False) -> Array:
         """Averaged phases [rad] of one material in each image on both branches, shape (2, m); `places` are moved.
@@ -126,11 +126,11 @@ class Model:
         sides = SIDES * np.ones(places.shape, np.int8) if asked is None else SIDES * asked
 
         def solve(first: int, last: int) -> None:
-            some = slice(first, last)
-            levers, held = self.levers[some], self.amplitudes[some]
+            chunk = slice(first, last)
+            levers, held = self.levers[chunk], self.amplitudes[chunk]
             for side, place, phase in zip(sides, places, phases, strict=True):
-                setpoints = Setpoints(levers, held, side[some], place[some])
-                averaged_phases(self.law, rows[some], setpoints, search, phase[some])
+                setpoints = Setpoints(levers, held, side[chunk], place[chunk])
+                averaged_phases(self.law, rows[chunk], setpoints, search, phase[chunk])
 
         cores = workers_of(None)
         spread(solve, bounds_of(len(rows), chunk_of(len(rows), cores, len(rows))), cores, None)
@@ -148,12 +148,12 @@ class Model:
             setpoints = Setpoints(self.levers, self.amplitudes, sides, places)
             response_block(self.law, rows, setpoints, LIMITS, values, good)
         for j in np.flatnonzero((~good & (sides != 0)).any(axis=0) & engage):
-            some = np.flatnonzero(~good[:, j] & (sides[:, j] != 0))
-            work = Work(self.law, rows[some], self.levers[j], np.full(len(some), self.amplitudes[j]))
-            found, status, _ = run(Orbit(in_time=not self.averages), work, Accuracy(), threads=1)
-            here = col.is_repulsive(found) == (sides[some, j] > 0)
-            good[some, j] = (status == col.GOOD) & (here | (not self.averages))
-            values[some, j] = found[:, [col.PHASE, col.TIP_OFFSET]]
+            left = np.flatnonzero(~good[:, j] & (sides[:, j] != 0))
+            work = Work(self.law, rows[left], self.levers[j], np.full(len(left), self.amplitudes[j]))
+            solved, status, _ = run(Orbit(in_time=not self.averages), work, Accuracy(), threads=1)
+            here = col.is_repulsive(solved) == (sides[left, j] > 0)
+            good[left, j] = (status == col.GOOD) & (here | (not self.averages))
+            values[left, j] = solved[:, [col.PHASE, col.TIP_OFFSET]]
         return values, good
 
     def sides_of(self, stack: Stack) -> Codes:

@@ -96,46 +96,46 @@ class Fitted(NamedTuple):
 
 def fit_regions_from(problem: RegionProblems, q: Array, places: Array) -> Fitted:
     """Solve from all these materials, with orbits at these places, and draw around the best and what is as good."""
-    found = refine(problem, go_downhill(problem, q, places, np.zeros_like(problem.data)))
-    if not np.isfinite(found.cost).any():
+    solution = refine(problem, go_downhill(problem, q, places, np.zeros_like(problem.data)))
+    if not np.isfinite(solution.chi2).any():
         allowed = "branches on which some material of the range searched has orbits in every image"
         raise InputError("choice of branches", Word("what was given or what the phases tell"), allowed)
-    best = int(np.argmin(found.cost))
-    matrix = information(problem, problem.weigh(found.slopes))
-    modes = _modes(found, matrix[best])
+    best = int(np.argmin(solution.chi2))
+    matrix = information(problem, problem.weigh(solution.slopes))
+    modes = _modes(solution, matrix[best])
     sizes = np.linalg.slogdet(matrix[modes])[1]
-    mass = np.exp(0.5 * (found.cost[best] - found.cost[modes] + sizes[0] - sizes))
+    mass = np.exp(0.5 * (solution.chi2[best] - solution.chi2[modes] + sizes[0] - sizes))
     each = np.repeat(modes, 2 * DRAWS)
-    drawn, from_here = _draw(problem.part(each), len(modes)), found.part(each)
+    drawn, from_here = _draw(problem.part(each), len(modes)), solution.part(each)
     near = refine(drawn, go_downhill(drawn, from_here.q, from_here.places, from_here.defect), 1)
-    weights = np.repeat(mass / mass.sum(), 2 * DRAWS) * np.isfinite(near.cost)
+    weights = np.repeat(mass / mass.sum(), 2 * DRAWS) * np.isfinite(near.chi2)
     mean, zeros = near.q[: 2 * DRAWS].mean(axis=0), drawn.zeros(near.values, near.defect)
     if weights.any():
         apart = near.q - mean
         covariance = np.einsum("n,ni,nj->ij", weights, apart, apart) / weights.sum()
     else:  # at the very end of a branch, where no draw has an orbit: nothing is known but the prior
         covariance, zeros, weights = np.diag(1 / np.diag(problem.prior)), np.full_like(zeros, np.nan), weights + 1.0
-    pinned = np.abs(found.q[best]) > END * problem.model.reach
+    pinned = np.abs(solution.q[best]) > END * problem.model.reach
     covariance[pinned, pinned] += 1 / np.diag(problem.prior)[pinned]
     learnt = np.trace(np.linalg.solve(matrix[best], matrix[best] - problem.prior))
     projection = problem.projection
     sides = problem.sides[best]
     if not problem.model.averages:
-        sides = np.where(sides == 0, 0, problem.model.branches(found.values[best, :, :, PHASE]))
+        sides = np.where(sides == 0, 0, problem.model.branches(solution.values[best, :, :, PHASE]))
     data = int((problem.weights > 0).sum() + projection.is_known.sum()) - projection.basis.shape[1]
-    one = found.part(np.array([best]))
+    likeliest = solution.part(np.array([best]))
     return Fitted(
-        one, mean, covariance, matrix[best], sides,
-        problem.zeros(found.values, found.defect)[best], zeros, weights, data,
-        float((problem.rest(found.values, found.defect)[best] ** 2).sum()), float(data - learnt),
-        list(found.q[modes[1:]]),
+        likeliest, mean, covariance, matrix[best], sides,
+        problem.zeros(solution.values, solution.defect)[best], zeros, weights, data,
+        float((problem.rest(solution.values, solution.defect)[best] ** 2).sum()), float(data - learnt),
+        list(solution.q[modes[1:]]),
     )  # fmt: skip
 
 
-def moments_of_zeros(found: Fitted, drawn: Array) -> tuple[Array, Array]:
+def moments_of_zeros(fitted: Fitted, drawn: Array) -> tuple[Array, Array]:
     """Mean of zeros that were drawn around the best solution, and standard errors with all others."""
     mean = drawn[: 2 * DRAWS].mean(axis=0)
-    return mean, np.sqrt(found.weights @ (drawn - mean) ** 2 / found.weights.sum())
+    return mean, np.sqrt(fitted.weights @ (drawn - mean) ** 2 / fitted.weights.sum())
 
 
 def _draw(problem: RegionProblems, modes: int) -> RegionProblems:
@@ -155,12 +155,12 @@ def _draw(problem: RegionProblems, modes: int) -> RegionProblems:
     )  # fmt: skip
 
 
-def _modes(found: Solution, information: Array) -> NDArray[np.intp]:
+def _modes(solution: Solution, information: Array) -> NDArray[np.intp]:
     """The best solution, and those that fit as well and are not the same."""
     chosen: list[int] = []
-    for i in np.argsort(found.cost, kind="stable"):
-        apart = [found.q[i] - found.q[j] for j in chosen]
-        as_good = not chosen or found.cost[i] < found.cost[chosen[0]] + AS_GOOD
+    for i in np.argsort(solution.chi2, kind="stable"):
+        apart = [solution.q[i] - solution.q[j] for j in chosen]
+        as_good = not chosen or solution.chi2[i] < solution.chi2[chosen[0]] + AS_GOOD
         if as_good and len(chosen) < MODES and all(one @ information @ one > APART**2 for one in apart):
             chosen.append(int(i))
     return np.array(chosen)
@@ -257,16 +257,16 @@ def fit_regions(
     stack = plan.taken_off(whole, numbers >= 0).medians(numbers, len(names))
     fixed = {names.index(name): one for name, one in check_known(known, names, prior).items()}
     problem, *start = _prepare(make_model(stack.scopes, stack.setpoints, prior, factor), stack, fixed, plan)
-    found = fit_regions_from(problem, *start)
+    fitted = fit_regions_from(problem, *start)
     configuration = {
         "known": {str(names[r]): describe(one) for r, one in fixed.items()}, "prior": describe(prior),
         "prior_factor": factor, "phase_zero": plan.phase or "given", "height_zero": plan.height or "given",
     }  # fmt: skip
-    ds = of_regions(problem, found, stack, given[0], fixed, names, configuration)
-    add_data(ds, problem, found, stack, plan)
+    ds = of_regions(problem, fitted, stack, given[0], fixed, names, configuration)
+    add_data(ds, problem, fitted, stack, plan)
     add_variable(ds, "pixels", "region", np.bincount(numbers[numbers >= 0]), "pixels of the region")
     ds["label"] = (("y", "x"), np.asarray(labels).astype(np.int32), {"long_name": "region of the pixel"})
-    write_verdict(ds, problem, found, plan)
+    write_verdict(ds, problem, fitted, plan)
     return ds
 
 
@@ -280,8 +280,8 @@ def _prepare(
     q, both, places = make_starts(model, stack, grids, sorted(materials), plan, sides)
     fixed = {}
     for r in materials:
-        there = grids[r].values[(both[:, r] > 0).astype(int), 0, np.arange(both.shape[2])]
-        fixed[r] = np.where((both[:, r] == 0)[..., None], 0.0, there)
+        known = grids[r].values[(both[:, r] > 0).astype(int), 0, np.arange(both.shape[2])]
+        fixed[r] = np.where((both[:, r] == 0)[..., None], 0.0, known)
     return problem_of(model, stack, both, plan.zeros(len(stack)), fixed), q, places
 
 
@@ -298,37 +298,37 @@ def of_regions(
     poor = degrees > 0.5 and chance(chi2, degrees) < UNLIKELY
     codes[unknown] = OPEN if poor else codes_of(fitted.covariance, fitted.information).reshape(-1, 3)
     materials = problem.model.materials(logs)
-    for region, one in fixed.items():
-        materials[region] = problem.model.with_reference(one).reference
+    for region, material in fixed.items():
+        materials[region] = problem.model.with_reference(material).reference
     flags = (np.isin(codes, (COMBINED, OPEN)) << np.arange(3)).sum(axis=1)
     flags |= POOR * poor | AVERAGED * (not fitted.best.exact[0]) | AMBIGUOUS * bool(fitted.others)
     misfit = np.array(chi2 / degrees if degrees > 0.5 else np.nan)
-    found = Estimates(materials, errors, misfit, flags.astype(np.uint8))
-    ds = dataset_of(found, stack, image, ("region",), configuration, "fitted by regions")
+    estimates = Estimates(materials, errors, misfit, flags.astype(np.uint8))
+    ds = dataset_of(estimates, stack, image, ("region",), configuration, "fitted by regions")
     logarithms = [f"{name} {names[r]}" for r in unknown for name in PARAMETERS]
     ds = ds.assign_coords(
         region=("region", names, {"long_name": "label of the region"}), property=list(PARAMETERS),
         parameter=logarithms, other=logarithms,
     )  # fmt: skip
     ds["determination"] = (("region", "property"), codes, coded("how far the data determine a property", *CODES))
-    said = "covariance of the natural logarithms, whatever the zeros"
-    add_variable(ds, "covariance", ("parameter", "other"), fitted.covariance, said)
+    long_name = "covariance of the natural logarithms, whatever the zeros"
+    add_variable(ds, "covariance", ("parameter", "other"), fitted.covariance, long_name)
     return ds
 
 
-def add_data(ds: xr.Dataset, problem: RegionProblems, found: Fitted, stack: Stack, plan: ZeroPlan) -> None:
+def add_data(ds: xr.Dataset, problem: RegionProblems, fitted: Fitted, stack: Stack, plan: ZeroPlan) -> None:
     """Put zeros, and measured values beside fitted ones, into the Dataset of materials."""
     columns = plan.zeros(len(stack)).columns
-    moved, orbits = columns @ found.zeros, (found.best.values + found.best.defect)[0]
+    moved, orbits = columns @ fitted.zeros, (fitted.best.values + fitted.best.defect)[0]
     zero, error = moments_of_zeros(
-        found, plan.signs * np.degrees(plan.phase_given + found.drawn @ columns[0, :, PHASE].T)
+        fitted, plan.signs * np.degrees(plan.phase_given + fitted.drawn @ columns[0, :, PHASE].T)
     )
-    said = "what the instrument says where the phase is 0"
-    add_variable(ds, "phase_zero", "image", within_half_a_turn(zero), said, "degree")
+    long_name = "what the instrument says where the phase is 0"
+    add_variable(ds, "phase_zero", "image", within_half_a_turn(zero), long_name, "degree")
     add_variable(ds, "phase_zero_error", "image", error, "its standard error", "degree")
     if problem.weights[..., HEIGHT].any():
-        drawn = plan.height_given + found.drawn @ columns[0, :, HEIGHT].T
-        zero, error = moments_of_zeros(found, drawn - drawn.mean(axis=1, keepdims=True))
+        drawn = plan.height_given + fitted.drawn @ columns[0, :, HEIGHT].T
+        zero, error = moments_of_zeros(fitted, drawn - drawn.mean(axis=1, keepdims=True))
         add_variable(ds, "height_zero", "image", zero, "zero of the height, relative to its mean over the images", "m")
         add_variable(ds, "height_zero_error", "image", error, "its standard error", "m")
     seen, free = np.isfinite(stack.errors), np.array(stack.setpoints) * [one.driven_amplitude for one in stack.scopes]
@@ -336,20 +336,20 @@ def add_data(ds: xr.Dataset, problem: RegionProblems, found: Fitted, stack: Stac
     for channel, name, unit, scale, below in (
         (PHASE, "phase", "degree", 180 / np.pi, 0.0), (HEIGHT, "height", "m", 1.0, free)
     ):  # fmt: skip
-        there = seen[:, :, channel]
-        if not there.any():
+        has_data = seen[:, :, channel]
+        if not has_data.any():
             continue
         measured = stack.values[:, :, channel] - moved[:, :, channel] - below
-        for word, values, said in (
+        for word, values, long_name in (
             (f"measured_{name}", measured, f"median {name} relative to its zero"),
             (f"fitted_{name}", orbits[:, :, channel] - below, f"{name} of the fit"),
             (f"{name}_error", stack.errors[:, :, channel], f"standard error of the median {name}"),
         ):
-            add_variable(ds, word, dims, np.where(there, scale * values, np.nan), said, unit)
-    ds["branch"] = (dims, found.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1))
+            add_variable(ds, word, dims, np.where(has_data, scale * values, np.nan), long_name, unit)
+    ds["branch"] = (dims, fitted.sides, coded("branch that was fitted", "attractive", "none", "repulsive", first=-1))
 
 
-def write_verdict(ds: xr.Dataset, problem: RegionProblems, found: Fitted, plan: ZeroPlan) -> None:
+def write_verdict(ds: xr.Dataset, problem: RegionProblems, fitted: Fitted, plan: ZeroPlan) -> None:
     """Write the verdict, and advice on further measurements."""
     flags, names = int(np.bitwise_or.reduce(ds["flag"].values)), ds["region"].values.tolist()
     if flags & POOR:
@@ -357,25 +357,25 @@ def write_verdict(ds: xr.Dataset, problem: RegionProblems, found: Fitted, plan: 
         ds.attrs["verdict"] = f"The model does not describe the data: chi2 is {misfit:.3g} a degree of freedom."
         ds.attrs["advice"] = DOUBT
         return
-    said = say_regions(names, ds["determination"].values, np.linalg.inv(found.information), problem.unknown)
+    sentences = say_regions(names, ds["determination"].values, np.linalg.inv(fitted.information), problem.unknown)
     words = {SHARED: "one unknown of all images", FREE: "one unknown in each image", None: "given"}
-    said.append(f"Zero of the phase: {words[plan.phase]}.")
-    if found.data < len(found.q):
-        said.append(
-            f"The {found.data} data that zeros leave are fewer than the {len(found.q)} properties sought: what they do "
-            "not say is the prior's."
+    sentences.append(f"Zero of the phase: {words[plan.phase]}.")
+    if fitted.data < len(fitted.q):
+        sentences.append(
+            f"The {fitted.data} data that zeros leave are fewer than the {len(fitted.q)} properties sought: what they "
+            "do not say is the prior's."
         )
-    if np.isnan(found.drawn).any():
-        said.append("The fit ended where a branch ends: no errors are known, and the zeros are not.")
+    if np.isnan(fitted.drawn).any():
+        sentences.append("The fit ended where a branch ends: no errors are known, and the zeros are not.")
     if flags & AVERAGED:
-        said.append("Exact orbits were not found; the fit is that of averaged ones.")
-    if found.others:
+        sentences.append("Exact orbits were not found; the fit is that of averaged ones.")
+    if fitted.others:
         listed = [
             f"{name} {100 * np.expm1(apart):+.0f} % in region {names[region]}"
-            for region, row in zip(problem.unknown, (found.others[0] - found.q).reshape(-1, 3), strict=True)
+            for region, row in zip(problem.unknown, (fitted.others[0] - fitted.q).reshape(-1, 3), strict=True)
             for name, apart in zip(PARAMETERS, row, strict=True)
         ]
-        said.append(f"Other materials fit as well, such as {', '.join(listed)}.")
-    ds.attrs["verdict"] = "\n".join(said)
+        sentences.append(f"Other materials fit as well, such as {', '.join(listed)}.")
+    ds.attrs["verdict"] = "\n".join(sentences)
     open_still = np.isin(ds["determination"].values, (COMBINED, OPEN)).any()
     ds.attrs["advice"] = "\n".join(say_what_helps(plan.phase is not None, plan.phase == FREE) if open_still else [])

@@ -85,15 +85,15 @@ def sensitivity(
     slopes = np.full((len(materials), 3, 2), np.nan)
 
     def solve(first: int, last: int) -> None:
-        some = good[first:last]
+        chosen = good[first:last]
         for i in range(3):
             ends = []
             for sign in (1, -1):
-                moved = materials[some].copy()
+                moved = materials[chosen].copy()
                 moved[:, i] *= np.exp(sign * STEP)
-                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), repelled[some]))
-            slopes[some, i] = (ends[0] - ends[1]) / (2 * STEP)
-            slopes[some[materials[some, i] == 0], i] = 0.0
+                ends.append(_on_branch(make_work(moved, viscous, scope, amplitude), repelled[chosen]))
+            slopes[chosen, i] = (ends[0] - ends[1]) / (2 * STEP)
+            slopes[chosen[materials[chosen, i] == 0], i] = 0.0
 
     spread(solve, bounds_of(len(good), CHUNK), workers, progress)
     lost = (status == col.GOOD) & ~np.isfinite(slopes).all(axis=(1, 2))
@@ -111,11 +111,11 @@ def sensitivity(
 def _on_branch(work: Work, repelled: np.ndarray) -> np.ndarray:
     """Exact phase [rad] and tip offset [m] on the repulsive branch or the other, shape (n, 2); NaN without an orbit."""
     rows, status, _ = run(by_name("orbit"), work, FINE, threads=1)
-    found = rows[:, [col.PHASE, col.TIP_OFFSET]]
+    values = rows[:, [col.PHASE, col.TIP_OFFSET]]
     other = np.flatnonzero((status != col.GOOD) | (col.is_repulsive(rows) != repelled))
     if len(other):  # the tip engages on the other branch
         both = stable_branches(work.part(other), by_name("orbit"), FINE)
         here = repelled[other].astype(int), np.arange(len(other))
         lost = (both.status[here] != col.GOOD)[:, None]
-        found[other] = np.where(lost, np.nan, both.rows[here][:, [col.PHASE, col.TIP_OFFSET]])
-    return found
+        values[other] = np.where(lost, np.nan, both.rows[here][:, [col.PHASE, col.TIP_OFFSET]])
+    return values

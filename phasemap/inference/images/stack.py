@@ -53,12 +53,12 @@ class Stack:
         values = np.zeros((count, *self.values.shape[1:]))
         errors = np.full(values.shape, np.inf)
         for i, j, k in np.ndindex(values.shape):
-            own = self.errors[numbers == i, j, k]
-            some = self.values[numbers == i, j, k][np.isfinite(own)]
-            if len(some):
-                values[i, j, k] = np.median(some)
-                spread = SPREAD * np.median(np.abs(some - values[i, j, k]))
-                errors[i, j, k] = np.hypot(MEDIAN * spread / np.sqrt(len(some)), own.min())
+            pixel_errors = self.errors[numbers == i, j, k]
+            pixel_values = self.values[numbers == i, j, k][np.isfinite(pixel_errors)]
+            if len(pixel_values):
+                values[i, j, k] = np.median(pixel_values)
+                spread = SPREAD * np.median(np.abs(pixel_values - values[i, j, k]))
+                errors[i, j, k] = np.hypot(MEDIAN * spread / np.sqrt(len(pixel_values)), pixel_errors.min())
         return replace(self, values=values, errors=errors)
 
 
@@ -83,39 +83,41 @@ def list_of_images(images: object) -> list[xr.Dataset]:
     """The images, over ("y", "x"), of a list or of a Dataset with a leading dim "setpoint" or "image"."""
     if isinstance(images, xr.Dataset):
         dim = next((name for name in ("setpoint", "image") if name in images.dims), None)
-        found = [images] if dim is None else [images.isel({dim: i}) for i in range(images.sizes[dim])]
+        listed = [images] if dim is None else [images.isel({dim: i}) for i in range(images.sizes[dim])]
         if dim == "setpoint" and dim in images.coords:
-            found = [one.assign_attrs(setpoint=float(one["setpoint"])) for one in found]
-    elif isinstance(images, Sequence) and images and all(isinstance(one, xr.Dataset) for one in images):
-        found = list(images)
+            listed = [image.assign_attrs(setpoint=float(image["setpoint"])) for image in listed]
+    elif isinstance(images, Sequence) and images and all(isinstance(image, xr.Dataset) for image in images):
+        listed = list(images)
     else:
         raise InputError("images", type(images).__name__, "a Dataset, or a sequence of Datasets, one an image")
-    for i, one in enumerate(found):
-        if "phase" not in one or one["phase"].dims != ("y", "x"):
-            got = one["phase"].dims if "phase" in one else sorted(map(str, one.data_vars))
+    for i, image in enumerate(listed):
+        if "phase" not in image or image["phase"].dims != ("y", "x"):
+            got = image["phase"].dims if "phase" in image else sorted(map(str, image.data_vars))
             raise InputError(f"image {i}", got, "a Dataset with phase over ('y', 'x'); choose one direction")
-        if one["phase"].shape != found[0]["phase"].shape:
-            raise InputError(f"shape of image {i}", one["phase"].shape, f"{found[0]['phase'].shape}, as of the first")
-    return found
+        if image["phase"].shape != listed[0]["phase"].shape:
+            raise InputError(
+                f"shape of image {i}", image["phase"].shape, f"{listed[0]['phase'].shape}, as of the first"
+            )
+    return listed
 
 
 def setpoints_of(images: list[xr.Dataset], setpoints: object, scopes: tuple[Microscope, ...]) -> tuple[float, ...]:
     """Setpoint of each image: as given, or from its attributes, as an amplitude maybe."""
     allowed = f"{len(images)} numbers, one an image"
     if setpoints is not None:
-        found = as_list("setpoints", setpoints, allowed)
-        if len(found) != len(images):
+        ratios = as_list("setpoints", setpoints, allowed)
+        if len(ratios) != len(images):
             raise InputError("setpoints", setpoints, allowed)
     else:
-        found = []
-        for one, scope in zip(images, scopes, strict=True):
-            said = settings_of_image(one)
-            held = said.get("setpoint_amplitude")
-            found.append(said.get("setpoint", None if held is None else float(held) / scope.driven_amplitude))
-        if None in found:
-            why = f"because image {found.index(None)} has no attribute 'setpoint'"
+        ratios = []
+        for image, scope in zip(images, scopes, strict=True):
+            settings = settings_of_image(image)
+            held = settings.get("setpoint_amplitude")
+            ratios.append(settings.get("setpoint", None if held is None else float(held) / scope.driven_amplitude))
+        if None in ratios:
+            why = f"because image {ratios.index(None)} has no attribute 'setpoint'"
             raise InputError("setpoints", None, f"{allowed}, {why}")
-    return tuple(check_setpoint(one) for one in found)
+    return tuple(check_setpoint(one) for one in ratios)
 
 
 def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
@@ -139,12 +141,12 @@ def scopes_of(scope: object, count: int) -> tuple[Microscope, ...]:
 
 def recorded_zeros(images: list[xr.Dataset], scopes: tuple[Microscope, ...]) -> list[float] | None:
     """Recorded phase [degree] where the simulated is 0, by that of the free lever; None if an image does not say it."""
-    said = [settings_of_image(one) for one in images]
-    if not all("phase_zero" in one for one in said):
+    settings = [settings_of_image(one) for one in images]
+    if not all("phase_zero" in one for one in settings):
         return None
     return [
         float(one["phase_zero"]) - recorded_sign(one) * scope.free_phase
-        for one, scope in zip(said, scopes, strict=True)
+        for one, scope in zip(settings, scopes, strict=True)
     ]
 
 
@@ -180,10 +182,10 @@ def make_stack(
             continue
         scale = np.radians(1.0) if channel == PHASE else 1.0
         errors[:, :, channel] = scale * np.hypot(noise, wrong)
-        for i, (one, microscope, ratio) in enumerate(zip(images, scopes, ratios, strict=True)):
-            recorded = one[name].values.reshape(-1) - below[i]
+        for i, (image, microscope, ratio) in enumerate(zip(images, scopes, ratios, strict=True)):
+            recorded = image[name].values.reshape(-1) - below[i]
             if channel == PHASE:
-                values[:, i, channel] = within_half_a_turn(recorded_sign(one.attrs) * scale * recorded, 2 * np.pi)
+                values[:, i, channel] = within_half_a_turn(recorded_sign(image.attrs) * scale * recorded, 2 * np.pi)
             else:  # the tip offset, up to topography
                 values[:, i, channel] = recorded + ratio * microscope.driven_amplitude
     missing = ~np.isfinite(values)
@@ -274,10 +276,10 @@ class ZeroPlan:
         values = stack.values.copy()
         values[:, :, PHASE] -= self.phase_given
         values[:, :, HEIGHT] -= self.height_given
-        there = used[:, None] & np.isfinite(stack.errors[:, :, PHASE])
+        known = used[:, None] & np.isfinite(stack.errors[:, :, PHASE])
         centre = np.zeros(len(self.phase_given))
         if self.phase is not None:
-            centre = np.angle((np.exp(1j * values[:, :, PHASE]) * there).sum(axis=0))
+            centre = np.angle((np.exp(1j * values[:, :, PHASE]) * known).sum(axis=0))
             centre = centre[0] + within_half_a_turn(centre - centre[0], 2 * np.pi)
         values[:, :, PHASE] = centre + within_half_a_turn(values[:, :, PHASE] - centre, 2 * np.pi)
         return replace(stack, values=values)

@@ -75,12 +75,12 @@ def make_grid(model: Model, attractive: bool = False) -> Grid:
         sides = np.repeat(side[None], len(q), axis=0)
         for j in range(count):
             place, image = model.nowhere(len(q), 1), model.image(j)
-            found = image.orbits(q, sides, place, search=True)
-            good = found.good
-            values[branch, good, j], places[branch, :, j] = found.values[good, 0], place[:, 0]
-            slopes[branch, good, j] = found.slopes[good, 0]
+            orbits = image.orbits(q, sides, place, search=True)
+            good = orbits.good
+            values[branch, good, j], places[branch, :, j] = orbits.values[good, 0], place[:, 0]
+            slopes[branch, good, j] = orbits.slopes[good, 0]
             exact, _ = image.exact(q[good], sides[good], place[good], engage=False)
-            defects[branch, good, j] = np.nan_to_num(exact - found.values[good])[:, 0]
+            defects[branch, good, j] = np.nan_to_num(exact - orbits.values[good])[:, 0]
     return Grid(q, values, places, defects, slopes)
 
 
@@ -96,18 +96,18 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
     def carry_orbits(known: tuple[NDArray[np.intp], int], to: tuple[NDArray[np.intp], int]) -> None:
         """Go from known orbits of some materials in an image to those of others that are not known, in another."""
         (first, i), (last, j) = known, to
-        some = np.isnan(values[last, j, 0]) & np.isfinite(places[first, i, 0])
-        fill_orbits(first[some], last[some], places[first[some], i][:, None], j)
+        wanted = np.isnan(values[last, j, 0]) & np.isfinite(places[first, i, 0])
+        fill_orbits(first[wanted], last[wanted], places[first[wanted], i][:, None], j)
 
     def fill_orbits(first: NDArray[np.intp], last: NDArray[np.intp], near: Array, j: int, search: bool = False) -> None:
         """Fill in orbits of the last materials in image j, by steps from orbits of the first at the places `near`."""
         image, sides, way = model.image(j), np.ones((len(first), 1), np.int8), q[last] - q[first]
         steps = max(1, int(np.ceil(np.abs(way).max(initial=0.0) / STRIDE)))
         for step in range(1, steps + 1):
-            found = image.orbits(q[first] + step / steps * way, sides, near, search)
-            near[~found.good] = np.nan
-        here = last[found.good], j
-        values[here], slopes[here] = found.values[found.good, 0], found.slopes[found.good, 0]
+            orbits = image.orbits(q[first] + step / steps * way, sides, near, search)
+            near[~orbits.good] = np.nan
+        here = last[orbits.good], j
+        values[here], slopes[here] = orbits.values[orbits.good, 0], orbits.slopes[orbits.good, 0]
         places[last, j] = near[:, 0]
 
     order, every = np.argsort(model.amplitudes, kind="stable"), number.reshape(-1)
@@ -125,24 +125,24 @@ def _grid_of_exact_orbits(model: Model, q: Array) -> Grid:
 
 def nearest(problem: RegionProblems, grid: Grid) -> tuple[NDArray[np.intp], Array]:
     """The material of the grid that is nearest to the data of n pixels, -1 if there is none, and chi2 with it."""
-    which, cost = np.full(len(problem.data), -1), np.full(len(problem.data), np.inf)
+    which, chi2 = np.full(len(problem.data), -1), np.full(len(problem.data), np.inf)
     nothing = np.zeros(problem.data.shape[1:])
     patterns, pattern_of = np.unique(problem.sides[:, 0], axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
-        some = np.flatnonzero(pattern_of.reshape(-1) == k)
+        pixels = np.flatnonzero(pattern_of.reshape(-1) == k)
         usable, values = grid.on(pattern)
         if not len(usable):
             continue
-        data = problem.part(some).rest(nothing, nothing)
+        data = problem.part(pixels).rest(nothing, nothing)
         weighed = np.pad((values * problem.weights[0]).reshape(len(usable), -1), ((0, 0), (0, problem.held.shape[1])))
         total = cdist(data, problem.projection.without(weighed[..., None])[..., 0], "sqeuclidean")
         total += _prior(problem.model, grid)[usable]
-        which[some], cost[some] = usable[total.argmin(axis=1)], total.min(axis=1)
-    return which, cost
+        which[pixels], chi2[pixels] = usable[total.argmin(axis=1)], total.min(axis=1)
+    return which, chi2
 
 
 def descend_from_grid(problem: RegionProblems, grid: Grid) -> list[Solution]:
-    """Materials of each pixel that may be as good, with the defect of the grid; of infinite cost where none was sought.
+    """Materials of each pixel that may be as good, with the defect of the grid; of infinite chi2 where none was sought.
 
     Averaged search starts where the grid is nearest, and goes on elsewhere where that ends in doubt. Where the tip is
     attracted in all images, that is in a finer grid: one that never touches knows no modulus to follow to a touch.
@@ -150,16 +150,16 @@ def descend_from_grid(problem: RegionProblems, grid: Grid) -> list[Solution]:
     sides = problem.sides[:, 0]
     if not problem.model.averages:
         return _descend_apart(problem, grid, [])
-    found = go_downhill(problem, *_start_at_node(problem, grid, nearest(problem, grid)[0]))
-    more = (sides != 0).any(axis=1) & (found.cost > _doubtful(problem))
-    solutions = [found, *(_without_solution(found) for _ in range(1, STARTS) if more.any())]
+    first = go_downhill(problem, *_start_at_node(problem, grid, nearest(problem, grid)[0]))
+    more = (sides != 0).any(axis=1) & (first.chi2 > _doubtful(problem))
+    solutions = [first, *(_without_solution(first) for _ in range(1, STARTS) if more.any())]
     for pattern in np.unique(sides[more], axis=0):
         fine = make_grid(problem.model, attractive=True) if (pattern <= 0).all() else grid
         alike = np.flatnonzero(more & (sides == pattern).all(axis=1))
-        for some in np.array_split(alike, 1 + len(alike) // AT_ONCE):
-            apart = _descend_apart(problem.part(some), fine, [found.part(some)])
-            for whole, one in zip(solutions, apart, strict=False):
-                whole.put(some, one)
+        for pixels in np.array_split(alike, 1 + len(alike) // AT_ONCE):
+            apart = _descend_apart(problem.part(pixels), fine, [first.part(pixels)])
+            for whole, solution in zip(solutions, apart, strict=False):
+                whole.put(pixels, solution)
     return solutions
 
 
@@ -170,9 +170,9 @@ def _doubtful(problem: RegionProblems) -> float:
 
 
 def _without_solution(like: Solution) -> Solution:
-    """Solution of infinite cost for as many problems, which any other replaces."""
+    """Solution of infinite chi2 for as many problems, which any other replaces."""
     every = np.arange(len(like.q))
-    return like.part(every)._replace(cost=np.full(len(every), np.inf))
+    return like.part(every)._replace(chi2=np.full(len(every), np.inf))
 
 
 def _descend_apart(problem: RegionProblems, grid: Grid, solutions: list[Solution]) -> list[Solution]:
@@ -193,16 +193,16 @@ def _descend_apart(problem: RegionProblems, grid: Grid, solutions: list[Solution
     pull = np.einsum("gdk,ngd->ngk", steep, rest) - grid.q[usable] @ problem.prior
     step = np.einsum("gkl,ngl->ngk", np.linalg.inv(matrix), pull)
     share = np.minimum(1.0, LONGEST / np.abs(step).max(axis=-1))
-    cost = (rest**2).sum(axis=-1) + _prior(problem.model, grid)[usable] - (2 * share - share**2) * (step * pull).sum(-1)
+    chi2 = (rest**2).sum(axis=-1) + _prior(problem.model, grid)[usable] - (2 * share - share**2) * (step * pull).sum(-1)
     q = grid.q[usable] + share[..., None] * step
     for _ in range(len(solutions), STARTS):
         for last in solutions[-1:]:
             apart = q - last.q[:, None]
             matrix = information(problem, problem.weigh(last.slopes))
-            cost[(np.einsum("ngi,nij,ngj->ng", apart, matrix, apart) < BEYOND**2) & last.good[:, None]] = np.inf
-        best = cost.argmin(axis=1)
-        least = np.min([one.cost for one in solutions], axis=0, initial=np.inf)
-        expected = cost[every, best]
+            chi2[(np.einsum("ngi,nij,ngj->ng", apart, matrix, apart) < BEYOND**2) & last.good[:, None]] = np.inf
+        best = chi2.argmin(axis=1)
+        least = np.min([one.chi2 for one in solutions], axis=0, initial=np.inf)
+        expected = chi2[every, best]
         worth = np.flatnonzero((expected < least + WORTH) | (least > _doubtful(problem)) & (expected < np.inf))
         if not len(worth):
             break
@@ -216,7 +216,7 @@ def _descend_apart(problem: RegionProblems, grid: Grid, solutions: list[Solution
             whole.put(worth, again)
             again = whole
         solutions = [*solutions, again]
-        cost[np.abs(q - q[every, best][:, None]).max(axis=-1) < SEPARATE] = np.inf
+        chi2[np.abs(q - q[every, best][:, None]).max(axis=-1) < SEPARATE] = np.inf
     return solutions
 
 
@@ -250,15 +250,15 @@ def make_starts(
     regions, first = len(stack), known[0] if known else 0
     seen = np.isfinite(stack.errors)
     coarse = replace(stack, errors=np.where(seen, COARSE, np.inf))
-    some = _patterns(stack) if sides is None else sides[first : first + 1]
-    parts = [grids[first].on(pattern) for pattern in some]
+    patterns = _patterns(stack) if sides is None else sides[first : first + 1]
+    parts = [grids[first].on(pattern) for pattern in patterns]
     which = {first: np.concatenate([usable for usable, _ in parts])}
-    branches = {first: np.repeat(some, [len(usable) for usable, _ in parts], axis=0)}
+    branches = {first: np.repeat(patterns, [len(usable) for usable, _ in parts], axis=0)}
     apart = np.where(seen[first], stack.values[first] - np.concatenate([values for _, values in parts]), np.nan)
     zeros = np.stack([_zeros(apart[..., c], kind) for c, kind in ((PHASE, plan.phase), (HEIGHT, plan.height))], axis=-1)
     rest = np.nan_to_num(apart - zeros)
     rest[..., HEIGHT] = np.where(seen[first][:, HEIGHT], rest[..., HEIGHT] - _mean((apart - zeros)[..., HEIGHT]), 0.0)
-    cost = ((rest / COARSE) ** 2).sum(axis=(1, 2)) + _prior(model, grids[first])[which[first]]
+    chi2 = ((rest / COARSE) ** 2).sum(axis=(1, 2)) + _prior(model, grids[first])[which[first]]
     for region in range(regions):
         if region == first:
             continue
@@ -269,10 +269,10 @@ def make_starts(
             pixels = replace(pixels, sides=np.repeat(sides[None, region : region + 1], len(zeros), axis=0))
         best, more = nearest(pixels, grids[region])
         which[region], branches[region] = best, pixels.sides[:, 0]
-        cost = cost + more
+        chi2 = chi2 + more
     q = np.concatenate([grids[r].q[which[r]] for r in range(regions) if r not in known], axis=1)
     both = np.stack([np.where(seen[r].any(axis=-1), branches[r], 0) for r in range(regions)], axis=1).astype(np.int8)
-    taken = _apart_among_best(q, both, cost)
+    taken = _apart_among_best(q, both, chi2)
     places, images = model.nowhere(*both[taken].shape), np.arange(both.shape[2])
     for r in set(range(regions)) - set(known):
         places[:, r] = grids[r].places[(both[taken, r] > 0).astype(int), which[r][taken][:, None], images]
@@ -303,16 +303,16 @@ def _zeros(apart: Array, kind: str | None) -> Array:
 
 def _mean(values: Array) -> Array:
     """Mean over the images that have data, kept as an axis."""
-    there = np.isfinite(values)
-    return np.where(there, values, 0.0).sum(axis=-1, keepdims=True) / np.maximum(there.sum(-1, keepdims=True), 1)
+    known = np.isfinite(values)
+    return np.where(known, values, 0.0).sum(axis=-1, keepdims=True) / np.maximum(known.sum(-1, keepdims=True), 1)
 
 
-def _apart_among_best(q: Array, sides: Codes, cost: Array) -> list[int]:
+def _apart_among_best(q: Array, sides: Codes, chi2: Array) -> list[int]:
     """Indices of the best few candidates that are not all alike."""
     taken: list[int] = []
     alike: dict[bytes, list[int]] = {}
-    for i in np.argsort(cost, kind="stable"):
-        if len(taken) == MOST or not np.isfinite(cost[i]):
+    for i in np.argsort(chi2, kind="stable"):
+        if len(taken) == MOST or not np.isfinite(chi2[i]):
             break
         near = alike.setdefault(sides[i].tobytes(), [])
         if len(near) < OF_A_KIND and all(np.abs(q[i] - q[j]).max() > SEPARATE for j in near):

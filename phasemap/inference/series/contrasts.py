@@ -53,12 +53,14 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
     if by == "height" and not all("height" in one for one in images):
         raise InputError("by", by, "'phase', because a file has no height")
     tried = [by] if by is not None else ["phase", "height"] if all("height" in one for one in images) else ["phase"]
-    found = {way: [_segment(one, way, count) for one in images] for way in tried}
-    sharp = {way: [_sharpness(one, mine, way) for one, mine in zip(images, found[way], strict=True)] for way in tried}
-    way = tried[-1] if len(tried) == 1 or _height_serves(images, found, sharp) else "phase"
+    segmented = {way: [_segment(one, way, count) for one in images] for way in tried}
+    sharp = {
+        way: [_sharpness(one, mine, way) for one, mine in zip(images, segmented[way], strict=True)] for way in tried
+    }
+    way = tried[-1] if len(tried) == 1 or _height_serves(images, segmented, sharp) else "phase"
     best = int(np.argmax(sharp[way]))
     told = [f"Regions by {way}; region 0 is the largest."]
-    laid = _laid(images, best, found[way][best])
+    laid = _laid(images, best, segmented[way][best])
     if laid is not None:
         told.append(f"All files are of one place: the regions of {names[best]} serve all.")
         return Regions(largest_first(laid, best), told)
@@ -67,10 +69,10 @@ def regions_of(images: Sequence[xr.Dataset], names: Sequence[str], labels: Any, 
         hint = "Give labels, or another way (by)."
         raise InputError(f"number of regions in {plain}", 1, f"{count} in every file", hint)
     if way == "height":
-        matched = largest_first(found[way], best)
+        matched = largest_first(segmented[way], best)
     else:
-        ordered = largest_first([found[way][best]], 0)[0]
-        matched = [ordered if i == best else _matched(one, ordered) for i, one in enumerate(found[way])]
+        ordered = largest_first([segmented[way][best]], 0)[0]
+        matched = [ordered if i == best else _matched(one, ordered) for i, one in enumerate(segmented[way])]
     how = "their order in height" if way == "height" else "their share of the area"
     told.append(f"Heights do not match, so files are taken to be of different places: regions are matched by {how}.")
     shares = np.bincount(matched[best].ravel(), minlength=count) / matched[best].size
@@ -107,15 +109,15 @@ def drift_of(values: Array, same: NDArray[np.bool_], zeros_count: bool) -> tuple
         values = values - np.nansum(values, axis=0) / np.maximum(known.sum(axis=0), 1)
     groups = [np.flatnonzero(row) for row in np.unique(same, axis=0) if row.sum() > 1]
     squares, count = 0.0, 0
-    for some in groups:  # a level of each region, and a zero of each file, by least squares over what is known
-        region, file = np.nonzero(known[:, some])
-        first = values[np.arange(len(values)), some[known[:, some].argmax(axis=1)]]
-        apart = within_half_a_turn(values[region, some[file]] - first[region])
-        design = np.hstack([np.eye(len(values))[region], np.eye(len(some))[file] * (not zeros_count)])
-        found, _, rank, _ = np.linalg.lstsq(design, apart)
-        squares, count = squares + float(((apart - design @ found) ** 2).sum()), count + len(apart) - rank
+    for repeats in groups:  # a level of each region, and a zero of each file, by least squares over what is known
+        region, file = np.nonzero(known[:, repeats])
+        first = values[np.arange(len(values)), repeats[known[:, repeats].argmax(axis=1)]]
+        apart = within_half_a_turn(values[region, repeats[file]] - first[region])
+        design = np.hstack([np.eye(len(values))[region], np.eye(len(repeats))[file] * (not zeros_count)])
+        levels, _, rank, _ = np.linalg.lstsq(design, apart)
+        squares, count = squares + float(((apart - design @ levels) ** 2).sum()), count + len(apart) - rank
     size = float(np.sqrt(squares / max(count, 1)))
-    return size, [int(i) for some in groups for i in some]
+    return size, [int(i) for repeats in groups for i in repeats]
 
 
 def each_of(labels: Any, count: int) -> list[Any]:
@@ -134,11 +136,11 @@ def each_of(labels: Any, count: int) -> list[Any]:
 def _given(each: Sequence[Any], images: Sequence[xr.Dataset]) -> list[Labels]:
     """Labels as given, numbered from 0 alike in all files, LEFT_OUT elsewhere."""
     shapes = [one["phase"].shape for one in images]
-    found = [labels_of(one, shape).astype(np.int64) for one, shape in zip(each, shapes, strict=True)]
-    every = np.unique(np.concatenate([np.unique(one[one >= 0]) for one in found]))
+    maps = [labels_of(one, shape).astype(np.int64) for one, shape in zip(each, shapes, strict=True)]
+    every = np.unique(np.concatenate([np.unique(one[one >= 0]) for one in maps]))
     if not 2 <= len(every) <= 5:
         raise InputError("number of regions in labels", len(every), "2 to 5")
-    return [np.where(one >= 0, np.searchsorted(every, one), LEFT_OUT) for one in found]
+    return [np.where(one >= 0, np.searchsorted(every, one), LEFT_OUT) for one in maps]
 
 
 def _feature(image: xr.Dataset, way: str) -> Array:
@@ -163,14 +165,18 @@ def _sharpness(image: xr.Dataset, labels: Labels, way: str) -> float:
     return separation_of(_feature(image, way), labels)[1] if labels.any() else 0.0
 
 
-def _height_serves(images: Sequence[xr.Dataset], found: dict[str, list[Labels]], sharp: dict[str, list[float]]) -> bool:
+def _height_serves(
+    images: Sequence[xr.Dataset], segmented: dict[str, list[Labels]], sharp: dict[str, list[float]]
+) -> bool:
     """True if heights tell regions apart far more sharply than phases, into large regions that the phase shows too."""
-    least = [np.bincount(one[one >= 0]).min() / one.size for one in found["height"]]
+    least = [np.bincount(one[one >= 0]).min() / one.size for one in segmented["height"]]
     of_phase, of_height = (float(np.median(sharp[way])) for way in ("phase", "height"))
     if of_height <= PREFERRED * of_phase or float(np.median(least)) < SMALLEST:
         return False
     shares = {
-        way: float(np.median([_explained_variance(one, mine) for one, mine in zip(images, found[way], strict=True)]))
+        way: float(
+            np.median([_explained_variance(one, mine) for one, mine in zip(images, segmented[way], strict=True)])
+        )
         for way in ("phase", "height")
     }
     return shares["height"] >= MUCH * shares["phase"]
@@ -209,12 +215,12 @@ def _laid(images: Sequence[xr.Dataset], best: int, labels: Labels) -> list[Label
     return laid
 
 
-def _matched(own: Labels, reference: Labels) -> Labels:
+def _matched(labels: Labels, reference: Labels) -> Labels:
     """Names of regions as of the reference, by their share."""
-    count = 1 + int(max(own.max(), reference.max()))
-    shares = [np.bincount(one[one >= 0], minlength=count) / max((one >= 0).sum(), 1) for one in (own, reference)]
+    count = 1 + int(max(labels.max(), reference.max()))
+    shares = [np.bincount(one[one >= 0], minlength=count) / max((one >= 0).sum(), 1) for one in (labels, reference)]
     best = min(permutations(range(count)), key=lambda order: float(np.abs(shares[0] - shares[1][list(order)]).sum()))
-    return np.array(best)[own]
+    return np.array(best)[labels]
 
 
 def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array, Array]:
@@ -222,10 +228,10 @@ def _medians_of(phase: Array, labels: Labels, count: int) -> tuple[Array, Array,
     levels, flat, offset = _aligned(phase, labels, count)
     errors = np.full(count, np.nan)
     for k in np.flatnonzero(np.isfinite(levels)):
-        own = np.where(labels == k, flat, np.nan)
-        bands = [one[np.isfinite(one)] for one in np.array_split(own, min(BANDS, len(own)))]
+        pixels = np.where(labels == k, flat, np.nan)
+        bands = [one[np.isfinite(one)] for one in np.array_split(pixels, min(BANDS, len(pixels)))]
         parts = [np.median(one) for one in bands if len(one) >= FEWEST]
-        values = own[np.isfinite(own)]
+        values = pixels[np.isfinite(pixels)]
         white = SPREAD * np.median(np.abs(values - np.median(values))) / np.sqrt(len(values))
         slow = np.std(parts, ddof=1) / np.sqrt(len(parts)) if len(parts) > 2 else 0.0
         errors[k] = MEDIAN * max(white, slow)

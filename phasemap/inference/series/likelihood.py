@@ -51,9 +51,9 @@ class PlaceTable:
         points = points[:, -len(self.axes) :]
         ends = np.array([[axis[0], axis[-1]] for axis in self.axes]).T
         inside = np.clip(points, *ends)
-        found = RegularGridInterpolator(self.axes, self.values)(inside).T
-        there = (found[2:] > 0) & (np.abs(points - inside) < 1e-9).all(axis=1)
-        return np.where(there, found[:2], np.nan), there
+        interpolated = RegularGridInterpolator(self.axes, self.values)(inside).T
+        exists = (interpolated[2:] > 0) & (np.abs(points - inside) < 1e-9).all(axis=1)
+        return np.where(exists, interpolated[:2], np.nan), exists
 
 
 def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float], levels: Array) -> PlaceTable:
@@ -72,12 +72,12 @@ def make_table(model: Model, reach: Array | None, amplitudes: tuple[float, float
     def solve(node: tuple[int, int], near: Array, search: bool) -> None:
         """Find orbits of one setting that are not known, from those of another or anywhere."""
         here = places[node]
-        some = np.flatnonzero(np.isnan(here).any(axis=0) & (search | ~np.isnan(near).all(axis=0)))
-        if len(some):
-            at = np.where(np.isnan(here[:, some]), near[:, some], here[:, some])
-            sizes, ratios = np.full(len(some), np.exp(logs[node[0]])), np.full(len(some), levels[node[1]])
-            found = model.at_settings(sizes, ratios).phases(grid[some], at, search=search)
-            here[:, some] = np.where(np.isnan(found), np.nan, at)
+        wanted = np.flatnonzero(np.isnan(here).any(axis=0) & (search | ~np.isnan(near).all(axis=0)))
+        if len(wanted):
+            at = np.where(np.isnan(here[:, wanted]), near[:, wanted], here[:, wanted])
+            sizes, ratios = np.full(len(wanted), np.exp(logs[node[0]])), np.full(len(wanted), levels[node[1]])
+            phases = model.at_settings(sizes, ratios).phases(grid[wanted], at, search=search)
+            here[:, wanted] = np.where(np.isnan(phases), np.nan, at)
 
     every = list(product(range(len(logs)), range(len(levels))))
     for i, j in every:
@@ -152,18 +152,18 @@ class Part(NamedTuple):
             points[..., :3] = logs[:, self.regions, ALL]
         points[..., 3], points[..., 4] = np.log(amplitudes)[:, ALL], ratios[:, ALL]
         flat = points.reshape(-1, 5)
-        places, there = self.table.look(flat)
-        found = self.model.at_settings(np.exp(flat[:, 3]), flat[:, 4]).phases(flat[:, :3], places, there)
-        return np.degrees(found.reshape(2, count, regions, files)) - self.model.scope.free_phase
+        places, exists = self.table.look(flat)
+        phases = self.model.at_settings(np.exp(flat[:, 3]), flat[:, 4]).phases(flat[:, :3], places, exists)
+        return np.degrees(phases.reshape(2, count, regions, files)) - self.model.scope.free_phase
 
     def everywhere(self, logs: Array, amplitude: float, ratios: Array) -> Array:
         """Phases as of `solved` of a combination, shape (r, 3), at setpoints, shape (2, regions, k), without table."""
-        own, points = len(self.regions), len(ratios)
-        at = np.full((2, own * points), np.nan)
-        model = self.model.at_settings(np.full(own * points, amplitude), np.tile(ratios, own))
-        logs = np.zeros((own, 3)) if self.known else logs[self.regions]
-        found = model.phases(np.repeat(logs, points, axis=0), at, search=True)
-        return np.degrees(found).reshape(2, own, points) - self.model.scope.free_phase
+        count, points = len(self.regions), len(ratios)
+        at = np.full((2, count * points), np.nan)
+        model = self.model.at_settings(np.full(count * points, amplitude), np.tile(ratios, count))
+        logs = np.zeros((count, 3)) if self.known else logs[self.regions]
+        phases = model.phases(np.repeat(logs, points, axis=0), at, search=True)
+        return np.degrees(phases).reshape(2, count, points) - self.model.scope.free_phase
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,25 +206,25 @@ class SeriesProblem:
         """Physical values at standard ones, shape (n, p)."""
         count, files, tunes = len(x), len(self.settings), self.settings.tune_count
         sizes = 3 * len(self.unknown), tunes, files * (self.settings.amplitude == FREE)
-        materials, scale, own, level = np.split(x[:, :-1], np.cumsum(sizes), axis=1)
+        materials, scale, by_file, level = np.split(x[:, :-1], np.cumsum(sizes), axis=1)
         logs = np.repeat(self.known[ALL], count, axis=0)
         logs[:, self.unknown] = (materials * np.tile(self.widths, len(self.unknown))).reshape(count, -1, 3)
-        own = own if own.shape[1] else np.zeros((count, files))
-        return State(logs, *self.settings.at(scale, own, _share(level)), WORSE ** np.maximum(x[:, -1], 0.0))
+        by_file = by_file if by_file.shape[1] else np.zeros((count, files))
+        return State(logs, *self.settings.at(scale, by_file, _share(level)), WORSE ** np.maximum(x[:, -1], 0.0))
 
     def solved(self, state: State) -> Array:
         """Phases [degree] of averaged orbits on both branches, shape (2, n, r, m), NaN without an orbit."""
-        found = np.empty((2, len(state.logs), *self.values.shape))
+        phases = np.empty((2, len(state.logs), *self.values.shape))
         for part in self.parts:
-            found[:, :, part.regions] = part.solved(state.logs, state.amplitudes, state.ratios)
-        return found
+            phases[:, :, part.regions] = part.solved(state.logs, state.amplitudes, state.ratios)
+        return phases
 
     def branches(self, logs: Array, amplitude: float, ratios: Array) -> Array:
         """Phases [degree] of a combination (shape (r, 3)) at setpoints, shape (2, r, k); NaN without an orbit."""
-        found = np.empty((2, len(self.values), len(ratios)))
+        phases = np.empty((2, len(self.values), len(ratios)))
         for part in self.parts:
-            found[:, part.regions] = part.everywhere(logs, amplitude, ratios)
-        return found
+            phases[:, part.regions] = part.everywhere(logs, amplitude, ratios)
+        return phases
 
     def likelihood(self, x: Array) -> Array:
         """Logarithm of the likelihood, shape (n,)."""
@@ -290,23 +290,23 @@ class SeriesProblem:
         Where the tip may be on either branch, both count, the one it meets first for more: the attractive one, if it
         goes on without a gap to larger setpoints.
         """
-        there = ~np.isnan(solved)
-        left = (~there[0]).astype(float) @ self.settings.above > 0  # a gentler file has no attractive orbit
+        exists = ~np.isnan(solved)
+        left = (~exists[0]).astype(float) @ self.settings.above > 0  # a gentler file has no attractive orbit
         before = np.where(left, OTHER, 1 - OTHER)
-        first = np.where(there[0], np.where(there[1], before, 1.0), 0.0)
-        second = np.where(there[1], np.where(there[0], 1 - before, 1.0), 0.0)
+        first = np.where(exists[0], np.where(exists[1], before, 1.0), 0.0)
+        second = np.where(exists[1], np.where(exists[0], 1 - before, 1.0), 0.0)
         precision = (1 / self.errors**2)[:, ALL] / growth[:, ALL] ** 2  # (r, n, m)
         narrow = self._narrow(growth)
         with np.errstate(divide="ignore"):
             chances = np.where(precision > 0, np.log(np.stack([first, second]).transpose(0, 2, 1, 3)), 0.0)
         apart = self.values[:, ALL] - sign * np.nan_to_num(solved).transpose(0, 2, 1, 3)  # (2, r, n, m)
         regions = np.arange(len(self.values))
-        own, apart = chances[self._patterns, regions], apart[self._patterns, regions]  # (2^r, r, n, m)
+        log_chances, apart = chances[self._patterns, regions], apart[self._patterns, regions]  # (2^r, r, n, m)
         middle = np.degrees(np.angle((precision * np.exp(1j * np.radians(apart))).sum(axis=1, keepdims=True)))
         rest = within_half_a_turn(apart - middle)
         mean = (precision * rest).sum(axis=1) * narrow
         contrasts = np.maximum(np.isfinite(self.errors).sum(axis=0) - 1, 0)
-        logs = own.sum(axis=1) - 0.5 * ((precision * rest**2).sum(axis=1) - mean**2 / narrow)
+        logs = log_chances.sum(axis=1) - 0.5 * ((precision * rest**2).sum(axis=1) - mean**2 / narrow)
         logs = logs - contrasts * np.log(growth)[:, ALL]
         means = middle[:, 0] + mean
         if self.settings.zero == HELD:
@@ -323,21 +323,21 @@ def _joined(logs: Array, means: Array, variance: Array) -> _Ways:
 
     `variance` (shape (n, files)): of the zero of each file [degree^2].
     """
-    found = _Ways(logs[..., 0].T, means[..., 0].T, np.arange(len(logs))[ALL, :, ALL].repeat(logs.shape[1], axis=0))
+    ways = _Ways(logs[..., 0].T, means[..., 0].T, np.arange(len(logs))[ALL, :, ALL].repeat(logs.shape[1], axis=0))
     known = variance[:, 0, ALL, ALL]
     for k in range(1, variance.shape[1]):
         more = variance[:, k, ALL, ALL]
-        apart = within_half_a_turn(means[..., k].T[:, ALL] - found.zeros[..., ALL])  # (n, K, 2^r)
-        total = found.logs[..., ALL] + logs[..., k].T[:, ALL] + _normal(apart, known + more)
-        zeros = found.zeros[..., ALL] + apart * known / (known + more)
+        apart = within_half_a_turn(means[..., k].T[:, ALL] - ways.zeros[..., ALL])  # (n, K, 2^r)
+        total = ways.logs[..., ALL] + logs[..., k].T[:, ALL] + _normal(apart, known + more)
+        zeros = ways.zeros[..., ALL] + apart * known / (known + more)
         known = 1 / (1 / known + 1 / more)
         count = total.shape[1] * total.shape[2]
         best = np.argpartition(-total.reshape(-1, count), min(MOST, count) - 1, axis=1)[:, :MOST]
         parent, branches = np.divmod(best, total.shape[2])
-        before = np.take_along_axis(found.chosen, parent[..., ALL], axis=1)
+        before = np.take_along_axis(ways.chosen, parent[..., ALL], axis=1)
         total, zeros = (np.take_along_axis(one.reshape(-1, count), best, axis=1) for one in (total, zeros))
-        found = _Ways(total, zeros, np.concatenate([before, branches[..., ALL]], axis=2))
-    return found
+        ways = _Ways(total, zeros, np.concatenate([before, branches[..., ALL]], axis=2))
+    return ways
 
 
 def _normal(apart: Array, variance: Array) -> Array:

@@ -33,11 +33,11 @@ def read_files(files: Sequence[Any]) -> list[xr.Dataset]:
     paths = [Path(one) if isinstance(one, str | os.PathLike) else None for one in files]
     often = Counter(path.name for path in paths if path)
     images, doubts = [], dict[str, list[str]]()
-    for i, (path, one) in enumerate(zip(paths, files, strict=True)):
+    for i, (path, file) in enumerate(zip(paths, files, strict=True)):
         if path is None:
-            if not hasattr(one, "data_vars"):
-                raise InputError("a file", type(one).__name__, "a path, or an image as phasemap.read_image gives it")
-            images.append(one.assign_attrs(title=str(one.attrs.get("title") or f"image {i}")))
+            if not hasattr(file, "data_vars"):
+                raise InputError("a file", type(file).__name__, "a path, or an image as phasemap.read_image gives it")
+            images.append(file.assign_attrs(title=str(file.attrs.get("title") or f"image {i}")))
             continue
         with untold():
             image = read_image(path)
@@ -65,19 +65,19 @@ def recorded_of(
 ) -> tuple[list[dict[str, Any]], NDArray[np.intp]]:
     """Settings that each file, or else its tune, states, and the tune of each, shape (m,); doubts are told."""
     known: list[dict[str, Any]] = [settings_of_image(one) for one in images]
-    tunes, said = _tunes_of(known, OF_TUNE)
-    if len(said) > 1:
-        listed = "; ".join(", ".join(names[i] for i in np.flatnonzero(tunes == k).tolist()) for k in range(len(said)))
-        apart = [name for name in OF_TUNE if any(_differ(name, one, other) for one, other in combinations(said, 2))]
+    tunes, stated = _tunes_of(known, OF_TUNE)
+    if len(stated) > 1:
+        listed = "; ".join(", ".join(names[i] for i in np.flatnonzero(tunes == k).tolist()) for k in range(len(stated)))
+        apart = [name for name in OF_TUNE if any(_differ(name, one, other) for one, other in combinations(stated, 2))]
         by = f", told apart by {listed_words([name.replace('_', ' ') for name in apart])}" if apart else ""
         told.append(
-            f"The files are of {len(said)} tunes ({listed}){by}: an unknown sensitivity, setpoint or shared zero is "
+            f"The files are of {len(stated)} tunes ({listed}){by}: an unknown sensitivity, setpoint or shared zero is "
             "the same within a tune only."
         )
     lever, _ = _tunes_of(known, [name for name in OF_TUNE if name != "drive_voltage"])
     for k in range(1 + int(lever.max())):  # amplitudes follow the drive, if nothing else changes
-        some = np.flatnonzero(lever == k).tolist()
-        _complete([known[i] for i in some], [names[i] for i in some], told)
+        alike = np.flatnonzero(lever == k).tolist()
+        _complete([known[i] for i in alike], [names[i] for i in alike], told)
     return known, tunes
 
 
@@ -86,75 +86,76 @@ def _tunes_of(known: list[dict[str, Any]], names: Collection[str]) -> tuple[NDAr
 
     A file that leaves something unsaid is of the only tune that it does not contradict, else of one of its own.
     """
-    said = [{name: float(one[name]) for name in names if one.get(name) is not None} for one in known]
+    stated = [{name: float(one[name]) for name in names if one.get(name) is not None} for one in known]
     tunes, number = list[dict[str, float]](), np.zeros(len(known), np.intp)
-    for i in sorted(range(len(said)), key=lambda i: -len(said[i])):
-        alike = [k for k, one in enumerate(tunes) if not any(_differ(name, one, said[i]) for name in names)]
-        alike = [k for k in alike if tunes[k].keys() == said[i].keys()][:1] or alike
+    for i in sorted(range(len(stated)), key=lambda i: -len(stated[i])):
+        alike = [k for k, one in enumerate(tunes) if not any(_differ(name, one, stated[i]) for name in names)]
+        alike = [k for k in alike if tunes[k].keys() == stated[i].keys()][:1] or alike
         number[i] = alike[0] if len(alike) == 1 else len(tunes)
-        tunes += [said[i]] * (len(alike) != 1)
+        tunes += [stated[i]] * (len(alike) != 1)
     _, first, number = np.unique(number, return_index=True, return_inverse=True)
     order = np.argsort(first)
     return np.argsort(order)[number], [tunes[k] for k in order]
 
 
-def _differ(name: str, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+def _differ(name: str, first: Mapping[str, float], second: Mapping[str, float]) -> bool:
     """True if two tunes, or a tune and a file, contradict each other."""
-    if name not in one or name not in other:
+    if name not in first or name not in second:
         return False
-    apart = one[name] / other[name] - 1 if name in RELATIVE else one[name] - other[name]
+    apart = first[name] / second[name] - 1 if name in RELATIVE else first[name] - second[name]
     return bool(abs(apart if name in RELATIVE or name == "day" else within_half_a_turn(apart)) > OF_TUNE[name])
 
 
 def _complete(known: list[dict[str, Any]], names: Sequence[str], told: list[str]) -> None:
     """Fill setpoint and free amplitude of files from others of one tune, and forget contradictory ones."""
-    for name, one in zip(names, known, strict=True):
-        most = max(_ratios(one), default=0.0)
+    for name, settings in zip(names, known, strict=True):
+        most = max(_ratios(settings), default=0.0)
         if most >= 1:
             told.append(f"{name}: the setpoint would be {most:.3g} of the recorded free amplitude, which is not used.")
-            _forget(one)
-    filled, said = [dict(one) for one in known], list[str]()
+            _forget(settings)
+    filled, sentences = [dict(settings) for settings in known], list[str]()
     for quantity in FREE_AMPLITUDES:
-        _fill(filled, names, quantity, said)
-    contradicted = any(max(_ratios(one), default=0.0) >= 1 for one in filled)
+        _fill(filled, names, quantity, sentences)
+    contradicted = any(max(_ratios(settings), default=0.0) >= 1 for settings in filled)
     if contradicted:
-        said = ["Recorded setpoints, free amplitudes and drive contradict each other: no free amplitude is used."]
-    told += said
-    for one, more in zip(known, filled, strict=True):
+        sentences = ["Recorded setpoints, free amplitudes and drive contradict each other: no free amplitude is used."]
+    told += sentences
+    for settings, more in zip(known, filled, strict=True):
         if contradicted:
-            _forget(one)
+            _forget(settings)
         else:
-            one.update(more)
-        if "setpoint" not in one and (ratios := _ratios(one)):
-            one["setpoint"] = ratios[0]
+            settings.update(more)
+        if "setpoint" not in settings and (ratios := _ratios(settings)):
+            settings["setpoint"] = ratios[0]
 
 
-def _ratios(one: dict[str, Any]) -> list[float]:
+def _ratios(settings: dict[str, Any]) -> list[float]:
     """The setpoint by everything that the file says of it."""
-    said = [float(one["setpoint"])] if "setpoint" in one else []
-    return said + [float(one[top]) / float(one[bottom]) for top, bottom in PAIRS if top in one and one.get(bottom)]
+    ratios = [float(settings["setpoint"])] if "setpoint" in settings else []
+    pairs = [(top, bottom) for top, bottom in PAIRS if top in settings and settings.get(bottom)]
+    return ratios + [float(settings[top]) / float(settings[bottom]) for top, bottom in pairs]
 
 
-def _forget(one: dict[str, Any]) -> None:
+def _forget(settings: dict[str, Any]) -> None:
     """Drop free amplitudes and setpoint from what a file says."""
     for name in (*FREE_AMPLITUDES, "setpoint"):
-        one.pop(name, None)
+        settings.pop(name, None)
 
 
 def _fill(known: list[dict[str, Any]], names: Sequence[str], quantity: str, told: list[str]) -> None:
     """Give files a free amplitude that do not say it, by the drive, or that of the others where those are alike."""
-    there = [float(one.get(quantity) or 0.0) > 0 for one in known]
-    if all(there) or not any(there):
+    stated = [float(one.get(quantity) or 0.0) > 0 for one in known]
+    if all(stated) or not any(stated):
         return
     driven = all(float(one.get("drive_voltage") or 0.0) > 0 for one in known)
     drive = np.array([float(one["drive_voltage"]) if driven else 1.0 for one in known])
-    gains = np.array([float(one[quantity]) / v for one, v, yes in zip(known, drive, there, strict=True) if yes])
+    gains = np.array([float(one[quantity]) / v for one, v, yes in zip(known, drive, stated, strict=True) if yes])
     if gains.max() > LINEAR * gains.min():
         return
-    for one, volts, yes in zip(known, drive, there, strict=True):
+    for settings, volts, yes in zip(known, drive, stated, strict=True):
         if not yes:
-            one[quantity] = float(np.median(gains) * volts)
-    missing = ", ".join(name for name, yes in zip(names, there, strict=True) if not yes)
+            settings[quantity] = float(np.median(gains) * volts)
+    missing = ", ".join(name for name, yes in zip(names, stated, strict=True) if not yes)
     how = "it follows from the others by the voltage of the drive" if driven else "it is taken to be that of the others"
     sentence = f"The free amplitude of {missing} is not recorded: {how}."
     if sentence not in told:

@@ -28,13 +28,13 @@ def write_report(ds: xr.Dataset, problem: SeriesProblem, covariance: Array) -> N
         ds.attrs |= {"verdict": _of_nothing(ds), "advice": NOTHING}
         return
     poor = is_poor(ds, problem)
-    said = [*_of_order(ds, problem), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds), _of_sign(ds, problem)]
-    said += _of_tunes(ds, problem)
+    sentences = [*_of_order(ds, problem), _of_magnitude(ds, problem, poor), *regimes(ds), *turns(ds)]
+    sentences += [_of_sign(ds, problem), *_of_tunes(ds, problem)]
     if not poor:
         names = [int(one) for one in ds["region"].values]
-        said += say_regions(names, ds["determination"].values, covariance, problem.unknown)
-        said.append(_of_amplitude(ds, problem))
-    ds.attrs["verdict"] = "\n".join(filter(None, said))
+        sentences += say_regions(names, ds["determination"].values, covariance, problem.unknown)
+        sentences.append(_of_amplitude(ds, problem))
+    ds.attrs["verdict"] = "\n".join(filter(None, sentences))
     ds.attrs["advice"] = "\n".join(_advice(ds, problem, poor))
 
 
@@ -60,51 +60,51 @@ def agreement(ds: xr.Dataset) -> tuple[list[bool], list[bool], list[bool]]:
 
 def regimes(ds: xr.Dataset) -> list[str]:
     """Sentences on the branch of every region, one each."""
-    said = []
+    sentences = []
     for region in ds["region"].values:
         chances = ds["repulsive"].sel(region=region).values
         words = [_branch(one) for one in chances]
         if len(set(words)) == 1:
-            said.append(f"Region {region} is {words[0]} in all files.")
+            sentences.append(f"Region {region} is {words[0]} in all files.")
             continue
         files = ds["file"].values
         parts = {word: [str(f) for f, one in zip(files, words, strict=True) if one == word] for word in words}
         listed = "; ".join(f"{word} in {', '.join(those)}" for word, those in parts.items())
-        said.append(f"Region {region} is {listed}.")
-    return said
+        sentences.append(f"Region {region} is {listed}.")
+    return sentences
 
 
 def turns(ds: xr.Dataset) -> list[str]:
     """Sentences on contrasts that change sign, with the reason."""
-    said = []
+    sentences = []
     measured, error = ds["measured_contrast"].values, ds["contrast_error"].values
     chances = ds["repulsive"].values
     for region in range(1, ds.sizes["region"]):
         clear = np.flatnonzero(np.abs(measured[region]) > CLEAR * error[region])
-        for one, two in pairwise(clear):
-            if measured[region, one] * measured[region, two] < 0:
-                between = f"between {ds['file'].values[one]} and {ds['file'].values[two]}"
-                why = _why(chances[:, one], chances[:, two], region)
-                said.append(f"The contrast of region {region} turns {between}: {why}.")
+        for first, second in pairwise(clear):
+            if measured[region, first] * measured[region, second] < 0:
+                between = f"between {ds['file'].values[first]} and {ds['file'].values[second]}"
+                why = _why(chances[:, first], chances[:, second], region)
+                sentences.append(f"The contrast of region {region} turns {between}: {why}.")
         for curve in range(ds.sizes["curve"]):
             at = _crossings(ds["level"].values, ds["curve_contrast"].values[curve, region])
             if at:
                 places = ", ".join(f"{one:.2f}" for one in at)
                 many = f" at the free amplitude of {_files_of(ds, curve)}" if ds.sizes["curve"] > 1 else ""
-                said.append(
+                sentences.append(
                     f"The likeliest simulation turns the contrast of region {region} at setpoint {places}{many}."
                 )
-    return said
+    return sentences
 
 
 def _contrasts(problem: SeriesProblem) -> int:
     """Number of contrasts: data less the zeros that they have to give."""
     seen = np.isfinite(problem.errors)
     settings = problem.settings
-    there = seen.any(axis=0)
+    measured = seen.any(axis=0)
     if settings.zero == SHARED:
-        return int(seen.sum()) - len(set(settings.tunes[there]))
-    return int(seen.sum()) - int((there & ((settings.zero == FREE) | (settings.zero_errors >= ANYWHERE))).sum())
+        return int(seen.sum()) - len(set(settings.tunes[measured]))
+    return int(seen.sum()) - int((measured & ((settings.zero == FREE) | (settings.zero_errors >= ANYWHERE))).sum())
 
 
 def _of_order(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
@@ -114,17 +114,17 @@ def _of_order(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
     right = [sum(one and two for one, two in zip(clear, each, strict=True)) for each in (signs, order)]
     where = "the only file in which it is clear" if count == 1 else f"the {count} files in which it is clear"
     share = {count: "", 0: "not "}.get(right[0])
-    said = f"The sign of the contrast is {share}reproduced in {where}"
+    sentence = f"The sign of the contrast is {share}reproduced in {where}"
     if share is None:
-        said = f"The sign of the contrast is reproduced in {right[0]} of {where}"
+        sentence = f"The sign of the contrast is reproduced in {right[0]} of {where}"
     if ds.sizes["region"] > 2:
-        said += f", the order of the regions in {right[1]}"
+        sentence += f", the order of the regions in {right[1]}"
     measured, error = ds["measured_contrast"].values, ds["contrast_error"].values
     ways = set(np.sign(measured[np.abs(measured) > CLEAR * error]))
     if problem.settings.sign is None and len(ways) == 1:
-        said += ", but the sign of the phase was free to make it so"
+        sentence += ", but the sign of the phase was free to make it so"
     faint = [str(name) for name, one in zip(ds["file"].values, clear, strict=True) if not one]
-    return [said + ".", f"The contrast does not exceed its error in {', '.join(faint)}." if faint else ""]
+    return [sentence + ".", f"The contrast does not exceed its error in {', '.join(faint)}." if faint else ""]
 
 
 def _of_nothing(ds: xr.Dataset) -> str:
@@ -166,17 +166,17 @@ def _of_magnitude(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> str:
 
 def _of_tunes(ds: xr.Dataset, problem: SeriesProblem) -> list[str]:
     """Sentences on tunes that contradict the others."""
-    tunes, said = problem.settings.tunes, []
+    tunes, sentences = problem.settings.tunes, []
     for tune in range(problem.settings.tune_count if problem.settings.tune_count > 1 else 0):
         mine = tunes == tune
         chi2, count = float(ds["file_misfit"].values[mine].sum()), int(np.isfinite(problem.errors[:, mine]).sum())
         if chance(chi2, max(count, 1)) < UNLIKELY:
             names = ", ".join(ds["file"].values[mine])
-            said.append(
+            sentences.append(
                 f"The tune of {names} contradicts the others: chi2 is {chi2:.3g} for its {count} phases, with one "
                 "sample and one lever in all. Explain it alone, or look for another tip."
             )
-    return said
+    return sentences
 
 
 def _of_sign(ds: xr.Dataset, problem: SeriesProblem) -> str:
@@ -199,24 +199,24 @@ def _of_amplitude(ds: xr.Dataset, problem: SeriesProblem) -> str:
         return ""
     low, middle, high = (1e9 * float(ds[f"free_amplitude{word}"][0]) for word in ("_low", "", "_high"))
     prior = 2 * 1.96 * np.log(problem.settings.factor)
-    said = f"The free amplitude of {ds['file'].values[0]} is {middle:.3g} nm ({low:.3g} to {high:.3g})"
-    return said + (", which is what was supposed." if np.log(high / low) > NARROWED * prior else ".")
+    sentence = f"The free amplitude of {ds['file'].values[0]} is {middle:.3g} nm ({low:.3g} to {high:.3g})"
+    return sentence + (", which is what was supposed." if np.log(high / low) > NARROWED * prior else ".")
 
 
 def _advice(ds: xr.Dataset, problem: SeriesProblem, poor: bool) -> list[str]:
     """Sentences on what would determine more, the most urgent first."""
-    said, settings, free = [], problem.settings, problem.settings.zero == FREE
+    sentences, settings, free = [], problem.settings, problem.settings.zero == FREE
     if settings.sign is None:
-        said.append("Say which way the instrument counts phase (sign).")
+        sentences.append("Say which way the instrument counts phase (sign).")
     if settings.amplitude != HELD:
-        said.append("Calibrate the amplitude (free_amplitudes, in m).")
+        sentences.append("Calibrate the amplitude (free_amplitudes, in m).")
     if settings.setpoint != HELD:
-        said.append("Record the free amplitude in the units of the setpoint (setpoints).")
+        sentences.append("Record the free amplitude in the units of the setpoint (setpoints).")
     helps = say_what_helps(free, free)
-    said += helps if np.isin(ds["determination"].values, (COMBINED, OPEN)).any() else helps[:-1]
+    sentences += helps if np.isin(ds["determination"].values, (COMBINED, OPEN)).any() else helps[:-1]
     if poor:
-        said.insert(0, "Look at the regions first, then at lever and tip radius: the fit takes them as they are.")
-    return said
+        sentences.insert(0, "Look at the regions first, then at lever and tip radius: the fit takes them as they are.")
+    return sentences
 
 
 def _branch(chance: float) -> str:

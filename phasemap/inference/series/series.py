@@ -78,8 +78,8 @@ def dataset_of(
     add_variable(
         ds, "file_misfit", "file", ((apart / problem.errors) ** 2).sum(axis=0), "what each file has of the misfit"
     )
-    said = "recorded phase of the free lever by the likeliest draw"
-    add_variable(ds, "likeliest_zero", "file", fit.zeros[likeliest], said, "degree")
+    long_name = "recorded phase of the free lever by the likeliest draw"
+    add_variable(ds, "likeliest_zero", "file", fit.zeros[likeliest], long_name, "degree")
     add_variable(ds, "likeliest_setpoint", "file", state.ratios[likeliest], "setpoint by that draw")
     _add_curves(ds, problem, fit.sign, state, likeliest)
     ds["draws"] = (("draw", "unknown"), draws.x, {"long_name": "unknowns in standard deviations of the prior"})
@@ -93,12 +93,12 @@ def dataset_of(
     return ds
 
 
-def _add_interval(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Array, units: str, said: str) -> None:
+def _add_interval(ds: xr.Dataset, name: str, dims: str | tuple[()], values: Array, units: str, long_name: str) -> None:
     """Add the median of draws and the ends of their 95 % interval to a Dataset."""
     low, middle, high = np.percentile(values, (ENDS[0], 50.0, ENDS[1]), axis=0)
-    add_variable(ds, name, dims, middle, said, units)
-    add_variable(ds, f"{name}_low", dims, low, f"{said}, lower end of 95 %", units)
-    add_variable(ds, f"{name}_high", dims, high, f"{said}, upper end of 95 %", units)
+    add_variable(ds, name, dims, middle, long_name, units)
+    add_variable(ds, f"{name}_low", dims, low, f"{long_name}, lower end of 95 %", units)
+    add_variable(ds, f"{name}_high", dims, high, f"{long_name}, upper end of 95 %", units)
 
 
 def _add_contrasts(ds: xr.Dataset, problem: SeriesProblem, seen: Medians, fit: Explained) -> None:
@@ -107,14 +107,14 @@ def _add_contrasts(ds: xr.Dataset, problem: SeriesProblem, seen: Medians, fit: E
     measured = within_half_a_turn(seen.values - seen.values[0])
     error = np.hypot(problem.errors, problem.errors[0])
     error[0] = 0.0
-    for name, values, said, unit in (
+    for name, values, long_name, unit in (
         ("phase", seen.values, "median recorded phase", "degree"),
         ("phase_error", np.where(np.isfinite(problem.errors), problem.errors, np.nan), "its standard error", "degree"),
         ("share", seen.shares, "share of the pixels", "1"),
         ("measured_contrast", measured, "recorded phase relative to that of region 0", "degree"),
         ("contrast_error", np.where(np.isfinite(error), error, np.nan), "its standard error", "degree"),
     ):
-        add_variable(ds, name, dims, values, said, unit)
+        add_variable(ds, name, dims, values, long_name, unit)
     fitted = fit.phases - fit.phases[:, :1]
     low, middle, high = np.percentile(fitted, (ENDS[0], 50.0, ENDS[1]), axis=0)
     for name, values in (("fitted_contrast", middle), ("contrast_low", low), ("contrast_high", high)):
@@ -138,13 +138,13 @@ def _add_materials(ds: xr.Dataset, problem: SeriesProblem, state: State) -> None
 def _add_curves(ds: xr.Dataset, problem: SeriesProblem, sign: Array, state: State, likeliest: int) -> None:
     """Phases against the setpoint for each free amplitude: both branches of one draw, and contrasts of some."""
     firsts, curve = np.unique(np.argmax(problem.settings.alike, axis=1), return_inverse=True)
-    some = np.linspace(0, len(sign) - 1, BAND).astype(int)
+    drawn = np.linspace(0, len(sign) - 1, BAND).astype(int)
     regions, points = len(problem.values), len(CURVE)
     band = np.full((BAND, len(firsts), regions, points), np.nan)
     lines = np.full((len(firsts), 2, regions, points), np.nan)
     for g, first in enumerate(firsts):
         lines[g] = problem.branches(state.logs[likeliest], state.amplitudes[likeliest, first], CURVE)
-        for k, draw in enumerate(some):
+        for k, draw in enumerate(drawn):
             both = problem.branches(state.logs[draw], state.amplitudes[draw, first], CURVE)
             band[k, g] = sign[draw] * _engaged(both)
     contrasts = band - band[:, :, :1]
@@ -152,14 +152,14 @@ def _add_curves(ds: xr.Dataset, problem: SeriesProblem, sign: Array, state: Stat
     with np.errstate(all="ignore"):
         enough = known.mean(axis=0) > 0.5
         low, high = np.nanpercentile(np.where(enough, contrasts, 0.0), ENDS, axis=0)
-    own = sign[likeliest] * _engaged(lines)
+    phases = sign[likeliest] * _engaged(lines)
     dims = ("curve", "region", "level")
     add_variable(ds, "level", "level", CURVE, "setpoint")
     ds["curve_of"] = ("file", curve, {"long_name": "number of the file's curve"})
-    said = "phase of the likeliest draw, 0 of the free lever, positive where repulsive"
-    add_variable(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, said, "degree")
+    long_name = "phase of the likeliest draw, 0 of the free lever, positive where repulsive"
+    add_variable(ds, "branch_phase", ("curve", "branch_side", "region", "level"), lines, long_name, "degree")
     ds["branch_side"] = ("branch_side", list(SIDES))
-    for name, values in (("curve_contrast", own - own[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
+    for name, values in (("curve_contrast", phases - phases[:, :1]), ("curve_low", np.where(enough, low, np.nan)),
                          ("curve_high", np.where(enough, high, np.nan))):  # fmt: skip
         add_variable(ds, name, dims, values, f"{name.replace('_', ' ')}, as recorded", "degree")
     ds["likeliest_sign"] = ((), int(sign[likeliest]), {"long_name": "sign of the likeliest draw"})
@@ -292,8 +292,8 @@ def series(
     settings, order = settings_of(images, file_names, given).ordered()
     images = [images[i] for i in order]
     each = None if labels is None else each_of(labels, len(images))
-    found = regions_of(images, settings.names, each and [each[i] for i in order], by, regions)
-    seen = medians(images, found.labels)
+    segmented = regions_of(images, settings.names, each and [each[i] for i in order], by, regions)
+    seen = medians(images, segmented.labels)
     drift, repeated = drift_of(seen.values, settings.repeats, settings.zero != FREE)
     if drift > error:
         those = ", ".join(settings.names[i] for i in repeated)
@@ -303,8 +303,8 @@ def series(
     draws = sample(problem.likelihood, len(problem.names), seed)
     if draws is None:
         raise SolveError("No oscillation that the prior allows holds the setpoints: see to lever and amplitude.")
-    ds = dataset_of(problem, draws, problem.explained(draws.x, seed), seen, images, found.labels)
-    return ds.assign_attrs(notes="\n".join([*told, *settings.told, *found.told]))
+    ds = dataset_of(problem, draws, problem.explained(draws.x, seed), seen, images, segmented.labels)
+    return ds.assign_attrs(notes="\n".join([*told, *settings.told, *segmented.told]))
 
 
 def _problem(
@@ -317,13 +317,13 @@ def _problem(
     given, logs = check_known(known, range(len(seen.values)), prior), np.full((len(seen.values), 3), np.nan)
     sought = np.setdiff1d(np.arange(len(seen.values)), list(given))
     parts = [Part(sought, model, make_table(model, REACH * widths, limits, levels), False)]
-    for region, one in sorted(given.items()):
-        own = model.with_reference(one)
-        parts.append(Part(np.array([region]), own, make_table(own, None, limits, levels), True))
-        logs[region] = np.log(np.maximum(own.reference, 1e-9 * model.reference) / model.reference)
-    there = np.isfinite(seen.values)
-    errors = np.where(there, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
-    return SeriesProblem(tuple(parts), settings, np.where(there, seen.values, 0.0), errors, logs, widths)
+    for region, material in sorted(given.items()):
+        own_model = model.with_reference(material)
+        parts.append(Part(np.array([region]), own_model, make_table(own_model, None, limits, levels), True))
+        logs[region] = np.log(np.maximum(own_model.reference, 1e-9 * model.reference) / model.reference)
+    measured = np.isfinite(seen.values)
+    errors = np.where(measured, np.hypot(np.nan_to_num(seen.errors), error), np.inf)
+    return SeriesProblem(tuple(parts), settings, np.where(measured, seen.values, 0.0), errors, logs, widths)
 
 
 def _read(files: Any, direction: str | None) -> tuple[list[xr.Dataset], list[str]]:

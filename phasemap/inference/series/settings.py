@@ -92,13 +92,13 @@ class Settings:
         """1 where a file (row) has a larger setpoint than another (column) at the same free amplitude, shape (m, m)."""
         return (self.alike & (self.ratios[:, np.newaxis] > self.ratios)).astype(float)
 
-    def at(self, scale: Array, own: Array, share: Array) -> tuple[Array, Array]:
+    def at(self, scale: Array, by_file: Array, share: Array) -> tuple[Array, Array]:
         """Free amplitudes [m] and setpoints, shape (n, m), at standard normal numbers and a share of what is allowed.
 
-        `scale`, `share` (shape (n, tunes)); `own` (shape (n, m)).
+        `scale`, `share` (shape (n, tunes)); `by_file` (shape (n, m)).
         """
         factor = self.factor ** scale[:, self.tunes]
-        amplitudes = self.relative * self.scale * factor * OWN**own
+        amplitudes = self.relative * self.scale * factor * OWN**by_file
         if self.setpoint == HELD:
             return amplitudes, np.broadcast_to(self.ratios, amplitudes.shape)
         highest = HIGHEST[0] + (HIGHEST[1] - HIGHEST[0]) * share[:, self.tunes]
@@ -124,8 +124,8 @@ class Settings:
         highest = 1.0 if self.setpoint == HELD else 1.05 * self.ratios.max()
         drop = self.relative * (1 - self.ratios / highest)
         order = np.lexsort((-self.ratios, drop.round(9)))
-        some = {name: getattr(self, name)[order] for name in ("ratios", "relative", "zeros", "zero_errors", "tunes")}
-        return replace(self, names=tuple(self.names[i] for i in order), **some), order
+        arrays = {name: getattr(self, name)[order] for name in ("ratios", "relative", "zeros", "zero_errors", "tunes")}
+        return replace(self, names=tuple(self.names[i] for i in order), **arrays), order
 
 
 def scope_of(
@@ -148,26 +148,26 @@ def _scope_of_files(
     images: Sequence[xr.Dataset], known: list[dict[str, Any]], names: list[str], given: Collection[str]
 ) -> tuple[Microscope, list[str]]:
     """The microscope of files, and sentences on it, as of `scope_of`; `known`: what each file says."""
-    said, told = _lever_properties(known, names, given)
+    stated, told = _lever_properties(known, names, given)
     frequencies = [float(one["drive_frequency"]) for one in known if "drive_frequency" in one]
-    resonance = said.get("resonance_frequency", frequencies[0] if frequencies else 300e3)
+    resonance = stated.get("resonance_frequency", frequencies[0] if frequencies else 300e3)
     frequency = next((float(one["drive_frequency"]) for one in known if "drive_frequency" in one and
                       one.get("resonance_frequency") == resonance), None)  # fmt: skip
     nearest = min(levers().values(), key=lambda one: abs(math.log(one.values["resonance_frequency"] / resonance)))
-    own = nearest.values["resonance_frequency"]
-    far = f", though that has {say(own, 'Hz', 3)} and not {say(resonance, 'Hz', 3)}: say what yours has"
-    far = far if abs(math.log(own / resonance)) > math.log(FAR) else ""
+    typical = nearest.values["resonance_frequency"]
+    far = f", though that has {say(typical, 'Hz', 3)} and not {say(resonance, 'Hz', 3)}: say what yours has"
+    far = far if abs(math.log(typical / resonance)) > math.log(FAR) else ""
     values: dict[str, Any] = {"resonance_frequency": resonance}
     for name, unit in (("stiffness", " N/m"), ("quality_factor", "")):
-        values[name] = float(said.get(name, nearest.values[name]))
-        if name not in said:
+        values[name] = float(stated.get(name, nearest.values[name]))
+        if name not in stated:
             what = name.replace("_", " ")
             told.append(
                 f"The {what} is not in the files: {values[name]:g}{unit} is assumed, as of {nearest.name}{far}."
             )
-    if "tip_radius" not in said:
+    if "tip_radius" not in stated:
         told.append(f"The tip radius is not in the files: {RADIUS * 1e9:g} nm is assumed.")
-    if "resonance_frequency" not in said:
+    if "resonance_frequency" not in stated:
         told.append("The lever is taken to be driven at its resonance, which the files do not say.")
     elif frequency is not None and abs(away := 2 * values["quality_factor"] * (frequency / resonance - 1)) > AWAY:
         told.append(
@@ -182,7 +182,7 @@ def _scope_of_files(
     scope, lost = next(iter(recorded.values()), (Microscope(Cantilever(**values), Tip(RADIUS), Drive(GUESS)), ""))
     if lost:
         told.append(f"The contact law {lost} of {next(iter(laws))} is not one of phasemap's: dmt is assumed.")
-    lever, tip = replace(scope.cantilever, **values), replace(scope.tip, radius=said.get("tip_radius", RADIUS))
+    lever, tip = replace(scope.cantilever, **values), replace(scope.tip, radius=stated.get("tip_radius", RADIUS))
     drive = replace(scope.drive, free_amplitude=GUESS, frequency=frequency, second=None)
     return replace(scope, cantilever=lever, tip=tip, drive=drive), told
 
@@ -191,13 +191,13 @@ def _lever_properties(
     known: list[dict[str, Any]], names: list[str], given: Collection[str]
 ) -> tuple[dict[str, float], list[str]]:
     """Properties of lever and tip, each from the first file that says it, and a sentence where they differ."""
-    said, told = dict[str, float](), []
+    stated, told = dict[str, float](), []
     units = {"resonance_frequency": "Hz", "stiffness": "N/m", "quality_factor": "1", "tip_radius": "m"}
     for name, unit in units.items():
         values = {of: float(one[name]) for of, one in zip(names, known, strict=True) if name in one}
         if not values:
             continue
-        said[name] = next(iter(values.values()))
+        stated[name] = next(iter(values.values()))
         if max(values.values()) > SAME_LEVER * min(values.values()):
             listed = ", ".join(f"{say(value, unit, 4)} in {of}" for of, value in values.items())
             if name in OF_THE_LEVER and name not in given:
@@ -205,7 +205,7 @@ def _lever_properties(
                 hint = f"A series is of one sample and one lever; if it is one, {how}."
                 raise InputError(f"{name} of the files", Word(listed), "that of one lever", hint)
             told.append(f"The {name.replace('_', ' ')} differs: {listed}; the first is taken.")
-    return said, told
+    return stated, told
 
 
 def settings_of(images: Sequence[xr.Dataset], names: Sequence[str], given: dict[str, Any]) -> Settings:
@@ -256,17 +256,17 @@ def _amplitudes(known: list[dict[str, Any]], given: Any, told: list[str]) -> tup
     )
     if given is not None and not word:
         metres = of_each_image("free_amplitudes", given, "m", len(known), above=0)
-        for one in metres.tolist():
-            question("free_amplitudes", one, "m", AMPLITUDE)
+        for amplitude in metres.tolist():
+            question("free_amplitudes", amplitude, "m", AMPLITUDE)
     elif not word and metres is not None:
         told.append("Free amplitudes as recorded, and a calibration within 5 %.")
     if not word and metres is not None:
         scale = float(np.exp(np.log(metres).mean()))
         return HELD, scale, CALIBRATED, metres / scale
     relative, words = np.ones(len(known)), "assumed to be the same in all files"
-    for recorded, said in ((drive, "of the drive"), (volts, "recorded in volts"), (metres, "recorded in metres")):
+    for recorded, how in ((drive, "of the drive"), (volts, "recorded in volts"), (metres, "recorded in metres")):
         if recorded is not None:
-            relative, words = recorded / np.exp(np.log(recorded).mean()), f"with one unknown sensitivity, {said}"
+            relative, words = recorded / np.exp(np.log(recorded).mean()), f"with one unknown sensitivity, {how}"
     if given == FREE:
         relative, words = np.ones(len(known)), "unknown in each file"
     told.append(f"Free amplitudes: {words}; {GUESS * 1e9:g} nm within a factor of {GUESS_FACTOR:g} as a first guess.")
@@ -324,7 +324,7 @@ def _zeros(known: list[dict[str, Any]], given: Any, error: Any, told: list[str])
         ANYWHERE if zero is None else 0.0 if "configuration" in one else NEAR_ZERO
         for zero, one in zip(recorded, known, strict=True)
     ])  # fmt: skip
-    some = "" if None not in recorded else " where it is; in the other files it is unknown"
+    where = "" if None not in recorded else " where it is; in the other files it is unknown"
     if errors.any():
-        told.append(f"The zero of the phase is as recorded, within {NEAR_ZERO:g} degrees{some}.")
+        told.append(f"The zero of the phase is as recorded, within {NEAR_ZERO:g} degrees{where}.")
     return HELD, np.array([float(one or 0.0) for one in recorded]), np.hypot(errors, error)

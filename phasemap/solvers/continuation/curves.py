@@ -120,10 +120,10 @@ class Curves:
         orbit = new_orbit(self.path.lever, TABLES)
         status = solve_far_from_surface(self.path, orbit, 0.9999 * free)
         if status == col.GOOD and head_of(orbit).tip_offset < farthest:
-            orbit, found = self._exact_from_harmonic(
+            orbit, rows = self._exact_from_harmonic(
                 np.array([[farthest, 0.0, free, 0.0, 0.0, 0.0]]), np.zeros(1), False
             )
-            status = col.GOOD if len(found) else col.NOT_CONVERGED
+            status = col.GOOD if len(rows) else col.NOT_CONVERGED
         if status == col.GOOD:
             self.box = (self.box[0], float(head_of(orbit).tip_offset), self.box[2])  # farther out nothing happens
             self._follow(orbit, (-1.0,))
@@ -131,10 +131,10 @@ class Curves:
     def from_row(self, row: np.ndarray, m: float) -> None:
         """Follow the curve both ways from the orbit of a result row at m, if it is found, and new."""
         at = np.array([m])
-        orbit, found = self._exact_from_harmonic(
+        orbit, rows = self._exact_from_harmonic(
             self._harmonic_orbits(row[None], at, row[None, col.TIP_OFFSET]), at, False
         )
-        if len(found):
+        if len(rows):
             self.from_orbit(orbit, m)
 
     def from_orbit(self, orbit: Any, m: float) -> None:
@@ -148,11 +148,11 @@ class Curves:
 
     def stable_rows_at(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray | None:
         """Rows of stable orbits at these tip offsets [m], from rows of orbits near by; None if one is missing."""
-        found = self._exact_from_harmonic(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
-        if len(found) < len(rows) or not (found[:, col.FLOQUET] < 1).all():
+        solved = self._exact_from_harmonic(self._harmonic_orbits(rows, m, tip_offsets), m, False)[1]
+        if len(solved) < len(rows) or not (solved[:, col.FLOQUET] < 1).all():
             return None
         exact, known = rows.copy(), [col.TIP_OFFSET, col.AMPLITUDE, col.PHASE]
-        exact[:, known] = found[:, known]
+        exact[:, known] = solved[:, known]
         return exact
 
     def _harmonic_orbits(self, rows: np.ndarray, m: np.ndarray, tip_offsets: np.ndarray) -> np.ndarray:
@@ -171,8 +171,8 @@ class Curves:
             if not self.box[0] <= tip_offset <= self.box[1] or self._near(tip_offset, amplitude, push / amplitude):
                 continue
             lifted = np.array([[tip_offset + lift, mean, amplitude, push, drag, 0.0]])
-            orbit, found = self._exact_from_harmonic(lifted, np.zeros(1), True)
-            if len(found) and not self._near(*(found[0, c] for c in (col.TIP_OFFSET, col.AMPLITUDE, col.STIFFENING))):
+            orbit, rows = self._exact_from_harmonic(lifted, np.zeros(1), True)
+            if len(rows) and not self._near(*(rows[0, c] for c in (col.TIP_OFFSET, col.AMPLITUDE, col.STIFFENING))):
                 self._follow(orbit, (1.0, -1.0))
 
     def follow_past_ends(self) -> None:
@@ -250,9 +250,9 @@ class Curves:
         Returns the last of them, and a row of each.
         """
         hold = HOLD_AMPLITUDE if of_amplitude else HOLD_OFFSET
-        orbit, found = new_orbit(self.path.lever, TABLES), np.full((len(harmonics), col.COLUMNS), np.nan)
-        count = collocation_orbits_at(self.path, harmonics, m, hold, orbit, found)
-        return orbit, found[:count]
+        orbit, rows = new_orbit(self.path.lever, TABLES), np.full((len(harmonics), col.COLUMNS), np.nan)
+        count = collocation_orbits_at(self.path, harmonics, m, hold, orbit, rows)
+        return orbit, rows[:count]
 
     def _follow(self, orbit: Orbit, senses: tuple[float, ...]) -> None:
         """Follow the piece through an orbit in each sense (1 or -1), and add it unless it is known."""
@@ -272,14 +272,14 @@ class Curves:
             if not mark_start(self.path, orbit, sense, point):
                 continue
             ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
-            found = [
+            orbits = [
                 orbit._replace(elements=kept.elements[i], head=kept.heads[i : i + 1], modes=kept.modes[i])
                 for i in range(len(kept.heads)) if kept.heads[i].any()
             ]  # fmt: skip
             rows = rows[:count].copy()
             marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
             rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
-            halves.append(Piece(rows, traces[:count].copy(), found, ended))
+            halves.append(Piece(rows, traces[:count].copy(), orbits, ended))
             if ended == PIECE_CLOSED:
                 break
         if len(halves) == 2:  # the first was followed the other way

@@ -132,7 +132,7 @@ def stable_rows(rows: np.ndarray, held: bool = False) -> np.ndarray:
 
 def stable_segments(curves: Curves, held: bool = False) -> list[Segment]:
     """Stable segments of all pieces; folds, where stability ends, belong to them."""
-    found, column = [], curves.column
+    segments, column = [], curves.column
     for piece in curves.pieces:
         rows, folds = piece.rows, piece.rows[:, col.KIND] == col.FOLD
         good = stable_rows(rows, held) | folds
@@ -148,9 +148,9 @@ def stable_segments(curves: Curves, held: bool = False) -> list[Segment]:
                 continue
             part = slice(begin, i)
             if i - begin >= 2 and not (i - begin == 2 and folds[part].all()):
-                found.append(_segment(piece, part, column, held))
+                segments.append(_segment(piece, part, column, held))
             begin = i - 1 if i < len(rows) and good[i] else i
-    return [segment for segment in found if segment is not None and len(segment.x) >= 2]
+    return [segment for segment in segments if segment is not None and len(segment.x) >= 2]
 
 
 def _segment(piece: Piece, part: slice, column: int, held: bool) -> Segment | None:
@@ -245,37 +245,37 @@ def is_periodic(row: np.ndarray) -> bool:
 
 def segment_through(parts: list[Segment], x: float, row: np.ndarray) -> Segment | None:
     """The segment that passes this orbit at x."""
-    best, found = LIKE, None
+    best, nearest = LIKE, None
     for part in parts:
         here = part.row_at(x)
         if here is not None and orbit_distance(here, row) < best:
-            best, found = orbit_distance(here, row), part
-    return found
+            best, nearest = orbit_distance(here, row), part
+    return nearest
 
 
-def orbit_distance(one: np.ndarray, two: np.ndarray) -> float:
+def orbit_distance(first: np.ndarray, second: np.ndarray) -> float:
     """How far two orbits are apart in phase [rad], tip offset and amplitude, both over the amplitude."""
-    places = abs(one[col.TIP_OFFSET] - two[col.TIP_OFFSET]) + abs(one[col.AMPLITUDE] - two[col.AMPLITUDE])
-    return float(abs(one[col.PHASE] - two[col.PHASE]) + places / two[col.AMPLITUDE])
+    places = abs(first[col.TIP_OFFSET] - second[col.TIP_OFFSET]) + abs(first[col.AMPLITUDE] - second[col.AMPLITUDE])
+    return float(abs(first[col.PHASE] - second[col.PHASE]) + places / second[col.AMPLITUDE])
 
 
-def _only_one(curves: Curves, there: list[Segment], x: float) -> Segment | None:
+def _only_one(curves: Curves, segments: list[Segment], x: float) -> Segment | None:
     """The only segment there at x, which then is the one on which a tip settles.
 
     None where there are several or none, or a contact with hysteresis, which may tap irregularly beside it.
     """
     hysteretic = bool(curves.oscillator_at(x if curves.column == col.PARAMETER else 0.0).p[col.RELEASE] != 0)
-    return there[0] if len(there) == 1 and not hysteretic else None
+    return segments[0] if len(segments) == 1 and not hysteretic else None
 
 
 def settle_at(curves: Curves, parts: list[Segment], start: np.ndarray, x: float) -> Segment | OffOrbit:
     """The segment on which a tip settles that comes from the orbit `start` and finds itself at x; or off all."""
     reaching = [part for part in parts if part.x[0] <= x <= part.x[-1]]
-    found = _only_one(curves, reaching, x)
-    if reaching and found is None:
+    segment = _only_one(curves, reaching, x)
+    if reaching and segment is None:
         row = curves.let_go(start, x)
-        found = None if row is None else segment_through(reaching, x, row)
-    return found or OffOrbit(start)
+        segment = None if row is None else segment_through(reaching, x, row)
+    return segment or OffOrbit(start)
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,16 +129,16 @@ def contrast(
         16.0 * math.prod(map(len, rising)) * (col.COLUMNS + PER_POINT),
         "Take fewer points.",
     )
-    found = _mapped(pair, rising, labels, workers, progress)
+    ds = _mapped(pair, rising, labels, workers, progress)
     falling = {dim: slice(None, None, -1) for dim, values in zip(DIMS, axes, strict=True) if values[0] > values[-1]}
     given = {"frequency": frequencies, "free_amplitude": free_amplitudes}
-    found = found.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
+    ds = ds.isel(falling).isel({dim: 0 for dim, values in given.items() if np.ndim(values) == 0})
     configuration = {
         "microscope": describe(_without_axes(scope, frequencies, free_amplitudes)), "first": describe(first),
         "second": describe(second), "names": list(labels), "solver": pair.solver.name, "accuracy": describe(accuracy),
     }  # fmt: skip
     seconds = round(time.perf_counter() - started, 6)
-    return found.assign_attrs(provenance(configuration, "contrast mapped"), seconds=seconds)
+    return ds.assign_attrs(provenance(configuration, "contrast mapped"), seconds=seconds)
 
 
 def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, progress: Progress | None) -> xr.Dataset:
@@ -154,25 +154,25 @@ def _mapped(pair: Pair, rising: Axes, labels: tuple[str, str], workers: int, pro
         pair, rising, np.degrees(engaged.rows[..., col.PHASE]), regime_of(engaged.rows), workers, sought
     )
     motion = motion_of(engaged.rows, pair.materials.lever)
-    found = dataset_of_map(rising, labels, engaged, regime, motion, jumps, inversions)
+    ds = dataset_of_map(rising, labels, engaged, regime, motion, jumps, inversions)
     choice = choose(rising, labels, engaged, regime, motion, jumps)
     values, reason = [np.nan] * 4, ""
     if choice.place is not None:
         values = [
             *(axis[i] for axis, i in zip(rising, choice.place, strict=True)),
-            found["contrast"].values[choice.place],
+            ds["contrast"].values[choice.place],
         ]
         reason = reason_of(pair, rising, labels, engaged, regime, motion, choice.place)
     best = {f"best_{name}": float(value) for name, value in zip((*DIMS, "contrast"), values, strict=True)}
-    return found.assign_attrs(recommendation=choice.sentence, recommendation_rule=RULE, reason=reason, **best)
+    return ds.assign_attrs(recommendation=choice.sentence, recommendation_rule=RULE, reason=reason, **best)
 
 
 def _without_axes(scope: Microscope, frequencies: Any, free_amplitudes: Any) -> Microscope:
     """The microscope at the numbers that are given instead of its own; what is an axis stays as it is."""
     drive = scope.drive
 
-    def held(given: Any, own: float | None) -> Any:
-        return own if given is None or np.ndim(given) else float(given)
+    def held(given: Any, stated: float | None) -> Any:
+        return stated if given is None or np.ndim(given) else float(given)
 
     with unquestioned():
         amplitude, frequency = held(free_amplitudes, drive.free_amplitude), held(frequencies, drive.frequency)
@@ -196,8 +196,8 @@ def _given(name: str, values: Any, unit: str) -> Array | float | None:
     """Values given for an axis, in `unit`: an array, a number, or None."""
     if values is None:
         return None
-    found = real_numbers(name, values, unit)
-    return found if found.ndim else float(found)
+    numbers = real_numbers(name, values, unit)
+    return numbers if numbers.ndim else float(numbers)
 
 
 def _axis(name: str, values: Any, default: float, parameter: str) -> Array:

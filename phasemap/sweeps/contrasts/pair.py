@@ -55,9 +55,9 @@ class Pair:
     @classmethod
     def of(cls, first: Material, second: Material, scope: Microscope, solver: Solver, accuracy: Accuracy) -> Pair:
         """Make a pair."""
-        one, other = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
-        law = longest_memory((one.law, other.law))
-        both = replace(one, law=law, rows=np.concatenate([one.rows, other.rows]), amplitudes=np.zeros(2))
+        work, other_work = (work_of_material(material, scope, 0.0, marched=True) for material in (first, second))
+        law = longest_memory((work.law, other_work.law))
+        both = replace(work, law=law, rows=np.concatenate([work.rows, other_work.rows]), amplitudes=np.zeros(2))
         return cls(both, scope, solver, accuracy)
 
     def work(self, frequency: float, free_amplitude: float, setpoints: Array) -> Work:
@@ -162,16 +162,16 @@ def borders(
     """
     sure = SURE * pair.accuracy.phase
     lines = [line for axis in range(3) for line in _lines_with_jump(axis, axes, phases, branch, sure)]
-    found: list[tuple[list[PhaseJump], list[Inversion]]] = [([], [])] * len(lines)
+    changes: list[tuple[list[PhaseJump], list[Inversion]]] = [([], [])] * len(lines)
 
     def follow(first: int, last: int) -> None:
         for i in range(first, last):
-            found[i] = _changes_on_line(pair, lines[i])
+            changes[i] = _changes_on_line(pair, lines[i])
 
     spread(follow, range(len(lines) + 1), workers, progress)
     contrast = np.nan_to_num(phases[1] - phases[0])
     both = contrast.min() < -SEEN and contrast.max() > SEEN
-    return [jump for jumps, _ in found for jump in jumps], [zero for _, zeros in found for zero in zeros if both]
+    return [jump for jumps, _ in changes for jump in jumps], [zero for _, zeros in changes for zero in zeros if both]
 
 
 def _lines_with_jump(axis: int, axes: Axes, phases: Array, branch: Array, sure: float) -> Iterator[_Line]:

@@ -89,9 +89,9 @@ def dataset_of_map(
     return xr.Dataset(data, coords)
 
 
-def _points(dim: str, what: str, found: Sequence[PhaseJump] | Sequence[Inversion]) -> dict[str, Any]:
+def _points(dim: str, what: str, places: Sequence[PhaseJump] | Sequence[Inversion]) -> dict[str, Any]:
     """Variables with the positions of jumps or inversions."""
-    points = np.array([one.point for one in found]).reshape(-1, 3)
+    points = np.array([one.point for one in places]).reshape(-1, 3)
     return {
         f"{dim}_{name}": (dim, points[:, i], {**ABOUT[name], "long_name": f"{ABOUT[name]['long_name']} of the {what}"})
         for i, name in enumerate(DIMS)
@@ -111,11 +111,11 @@ def choose(
     """Choose the point to work at, from arrays of shape (2, frequencies, free amplitudes, setpoints, ...)."""
     contrast, height = (FLOATS[name].value(engaged.rows[1] - engaged.rows[0]) for name in ("phase", "height"))
     depth = engaged.rows[..., col.INDENTATION].max(axis=0)
-    found, size = np.isfinite(contrast), np.abs(contrast)
-    single = found & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0) & (motion == 0).all(0)
+    known, size = np.isfinite(contrast), np.abs(contrast)
+    single = known & np.isin(regime, (ATTRACTIVE, REPULSIVE)).all(0) & (motion == 0).all(0)
     distance = _distances(axes, single, jumps)
     safe = single & (distance >= MARGIN) & ~_near_jump(axes, single, jumps)
-    for grade, allowed in enumerate((safe, single, found)):
+    for grade, allowed in enumerate((safe, single, known)):
         largest = size[allowed].max(initial=0.0)
         if largest >= NOTABLE:
             place = _index_of_least(np.where(allowed & (size >= min(SHARE * largest, AMPLE)), depth, np.inf))
@@ -125,14 +125,14 @@ def choose(
                 _caution(grade, float(distance[place])),
             )
             return Recommended(place, f"{_where(axes, place)}: {', '.join(words)}")
-    if not found.any():
+    if not known.any():
         return Recommended(
             None, "no point of the map holds both materials; change the setpoints or the free amplitudes."
         )
-    place = _index_of_least(np.where(found, -np.abs(height), np.inf))
+    place = _index_of_least(np.where(known, -np.abs(height), np.inf))
     return Recommended(
         place,
-        f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[found].max():.2g} degrees "
+        f"{_where(axes, place)}: the phase does not tell the materials apart (at most {size[known].max():.2g} degrees "
         f"anywhere); use the height, where {names[1]} minus {names[0]} is {say(height[place], 'm', 3)}.",
     )
 
@@ -145,11 +145,11 @@ def reason_of(
     frequency, free_amplitude, setpoint = (values[i] for values, i in zip(axes, place, strict=True))
     work = pair.work(frequency, free_amplitude, np.array([setpoint]))
     words = {name: dict(zip(FLAGS[name][1], FLAGS[name][2], strict=True)) for name in ("motion", "solver")}
-    found = []
+    motions = []
     for material, name in enumerate(names):
         at = (material, *place)
         row = engaged.rows[at]
-        found.append(
+        motions.append(
             PointMotion.of(
                 work.lever, float(work.amplitudes[material]), math.degrees(row[col.PHASE]), name=name, advice="",
                 regime="repulsive" if col.is_repulsive(row) else "attractive", bistable=bool(regime[at] == BISTABLE),
@@ -158,7 +158,7 @@ def reason_of(
                 indentation=float(row[col.INDENTATION]), tip_offset=float(row[col.TIP_OFFSET]),
             )
         )  # fmt: skip
-    return " ".join(lines_of(found[0], found[1]))
+    return " ".join(lines_of(motions[0], motions[1]))
 
 
 def _index_of_least(values: Array) -> tuple[int, int, int]:
@@ -199,8 +199,8 @@ def _near_jump(axes: Axes, single: Array, jumps: Sequence[PhaseJump]) -> Array:
 def _where(axes: Axes, place: tuple[int, int, int]) -> str:
     """Setpoint, free amplitude and, if it varies, frequency of a place, in words."""
     frequency, free_amplitude, setpoint = (values[i] for values, i in zip(axes, place, strict=True))
-    said = f"setpoint {setpoint:.3g}, free amplitude {say(free_amplitude, 'm', 3)}"
-    return said + (f", drive {say(frequency, 'Hz', 6)}" if len(axes[0]) > 1 else "")
+    words = f"setpoint {setpoint:.3g}, free amplitude {say(free_amplitude, 'm', 3)}"
+    return words + (f", drive {say(frequency, 'Hz', 6)}" if len(axes[0]) > 1 else "")
 
 
 def _regimes(names: Sequence[str], regime: Array) -> str:
@@ -216,11 +216,11 @@ def _caution(grade: int, distance: float) -> str:
     if grade == 2:
         return "but not safe: bistable or irregular, where the phase depends on what the tip met before, or wanders."
     if np.isinf(distance):
-        said = "with no jump or second regime at this free amplitude"
+        words = "with no jump or second regime at this free amplitude"
     else:
-        said = f"{distance:.2g} in setpoint from the nearest jump or second regime"
+        words = f"{distance:.2g} in setpoint from the nearest jump or second regime"
     if grade == 0:
-        return f"{said}."
+        return f"{words}."
     if distance < MARGIN:
-        return f"{said}, which is close: hold the amplitude well."
-    return f"{said}, but with one close by in free amplitude or frequency: keep the drive constant."
+        return f"{words}, which is close: hold the amplitude well."
+    return f"{words}, but with one close by in free amplitude or frequency: keep the drive constant."
