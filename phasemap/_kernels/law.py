@@ -62,17 +62,17 @@ def law_of(*formulas: Formula) -> Law:
     TypeError
         With the reason, where numba refuses a formula.
     """
-    found = []
-    for role, formula, own in zip(Law._fields[:6], formulas, KNOWN, strict=True):
+    addresses = []
+    for role, formula, built_in in zip(Law._fields[:6], formulas, KNOWN, strict=True):
         try:
-            found.append(0 if formula is own else address_of(formula))
+            addresses.append(0 if formula is built_in else address_of(formula))
         except ImportError as error:
             raise TypeError(str(error)) from error
         except Exception as error:  # numba's errors have no common base
-            said = [line.strip() for line in str(error).splitlines() if line.strip()]
-            reason = next((line for line in said if "Untyped" in line or "NameError" in line), " ".join(said[1:3]))
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = next((line for line in lines if "Untyped" in line or "NameError" in line), " ".join(lines[1:3]))
             raise TypeError(f"Of its {role}: {reason or repr(error)}") from error
-    return Law(*found)
+    return Law(*addresses)
 
 
 def digest_of(formula: Formula) -> str | None:

@@ -95,10 +95,10 @@ def narrow_bracket(a: float, f_a: float, b: float, f_b: float, x: float, f: floa
 
 @kernel(light=True)
 def parabola(
-    one: tuple[float, float], two: tuple[float, float], three: tuple[float, float]
+    first: tuple[float, float], second: tuple[float, float], third: tuple[float, float]
 ) -> tuple[float, float, float]:
     """Vertex of the parabola through three points (x, f), as x and f, and its second derivative."""
-    (x0, f0), (x1, f1), (x2, f2) = one, two, three
+    (x0, f0), (x1, f1), (x2, f2) = first, second, third
     rise = (f1 - f0) / (x1 - x0)
     bend = ((f2 - f1) / (x2 - x1) - rise) / (x2 - x0)
     x = 0.5 * (x0 + x1) - 0.5 * rise / bend
@@ -177,7 +177,7 @@ def spectral_radius(m: np.ndarray, squarings: int) -> float:
 
     After k squarings |M^(2^k)|^(2^-k) is off by a factor that depends on how its eigenvectors lie, to the power 2^-k.
     """
-    n, found, power = len(m), 0.0, 1.0
+    n, log_radius, power = len(m), 0.0, 1.0
     square = np.empty((n, n))
     for _ in range(squarings):
         size = 0.0
@@ -187,7 +187,7 @@ def spectral_radius(m: np.ndarray, squarings: int) -> float:
         size = math.sqrt(size)
         if not 0.0 < size < math.inf:
             return size
-        found += power * math.log(size)
+        log_radius += power * math.log(size)
         power *= 0.5
         for i in range(n):
             for j in range(n):
@@ -196,7 +196,7 @@ def spectral_radius(m: np.ndarray, squarings: int) -> float:
                     total += m[i, k] * m[k, j]
                 square[i, j] = total / (size * size)
         m, square = square, m
-    return math.exp(found)
+    return math.exp(log_radius)
 
 
 @kernel

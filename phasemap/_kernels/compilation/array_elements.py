@@ -34,13 +34,13 @@ def element_pointer(
     sizes = [builder.extract_value(array, (_SHAPE, axis)) for axis in range(dimensions)]
     offset = None
     for axis, kind in enumerate(kinds):
-        one = builder.extract_value(index, axis) if isinstance(index.type, ir.Aggregate) else index
-        if kind.signed and not (isinstance(one, ir.Constant) and one.constant >= 0):
-            below = builder.icmp_signed("<", one, one.type(0))
-            one = builder.select(below, builder.add(one, sizes[axis]), one)
+        place = builder.extract_value(index, axis) if isinstance(index.type, ir.Aggregate) else index
+        if kind.signed and not (isinstance(place, ir.Constant) and place.constant >= 0):
+            below = builder.icmp_signed("<", place, place.type(0))
+            place = builder.select(below, builder.add(place, sizes[axis]), place)
         for size in sizes[axis + 1 :]:
-            one = builder.mul(one, size)
-        offset = one if offset is None else builder.add(offset, one)
+            place = builder.mul(place, size)
+        offset = place if offset is None else builder.add(offset, place)
     return builder.gep(builder.extract_value(array, _DATA), [offset]), sizes[len(kinds) :]
 
 

@@ -284,16 +284,16 @@ def _waiting(function: Any) -> list[_Entry]:
 
 def _kernels_of(function: Any) -> list[_Entry]:
     """Kernels that a function calls, and those that they call."""
-    found: dict[_Entry, None] = {}
+    kernels: dict[_Entry, None] = {}
     open_ = [function]
     while open_:
-        one = open_.pop()
-        for name in one.__code__.co_names:
-            other = one.__globals__.get(name)
-            if isinstance(other, _Entry) and other not in found:
-                found[other] = None
+        caller = open_.pop()
+        for name in caller.__code__.co_names:
+            other = caller.__globals__.get(name)
+            if isinstance(other, _Entry) and other not in kernels:
+                kernels[other] = None
                 open_.append(other.py_func)
-    return list(found)
+    return list(kernels)
 
 
 def _all_kernels() -> list[_Entry]:

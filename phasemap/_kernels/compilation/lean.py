@@ -70,13 +70,13 @@ class _Typing(Context):
         # What numba tries first; of literals it would keep one version each.
         args, kws = tuple(map(_unliteral, args)), {name: _unliteral(one) for name, one in kws.items()}
         key = func, args, tuple(kws.items())
-        found = self.known.get(key)
-        if found is None:
+        known_signature = self.known.get(key)
+        if known_signature is None:
             with ConfigStack().enter(self.inherited):
-                found = super().resolve_function_type(func, args, kws)
-            if found is not None:
-                self.known[key] = found
-        return found
+                known_signature = super().resolve_function_type(func, args, kws)
+            if known_signature is not None:
+                self.known[key] = known_signature
+        return known_signature
 
 
 def _unliteral(of: types.Type) -> types.Type:
@@ -146,11 +146,11 @@ class _Lower(lowering.Lower):
         place, sizes = array_elements.element_pointer(self.builder, array, of.ndim, kinds, self.loadvar(index.name))
         given = signature.return_type
         if sizes:
-            found = array_elements.subarray(self.builder, array, self.context.get_value_type(given), place, sizes)
-            self.incref(given, found)
+            element = array_elements.subarray(self.builder, array, self.context.get_value_type(given), place, sizes)
+            self.incref(given, element)
         else:
-            found = self.context.unpack_value(self.builder, of.dtype, place)
-        return self.context.cast(self.builder, found, given, resty)
+            element = self.context.unpack_value(self.builder, of.dtype, place)
+        return self.context.cast(self.builder, element, given, resty)
 
     def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
         """Write the code that stores a number at an element of a contiguous array; other cases are numba's."""

@@ -116,8 +116,8 @@ class _Version:
         """Call it; arrays that are not contiguous are copied, and what was changed is copied back."""
         numbers: list[Any] = []
         arrays: list[tuple[np.ndarray, np.ndarray]] = []  # each as it was given, and as it is passed
-        for pack, one in zip(self._pack, arguments, strict=True):
-            pack(one, numbers, arrays)
+        for pack, argument in zip(self._pack, arguments, strict=True):
+            pack(argument, numbers, arrays)
         answer, error = self._answer(), ctypes.c_void_p()
         code = self._function(ctypes.addressof(answer), ctypes.addressof(error), *numbers)
         if code:
@@ -168,8 +168,8 @@ def _packer(kind: Any) -> Callable[[Any, list[Any], list[Any]], None]:
         packers = [_packer(part) for part in parts]
 
         def pack_tuple(value: Any, numbers: list[Any], arrays: list[Any]) -> None:
-            for pack, one in zip(packers, value, strict=True):
-                pack(one, numbers, arrays)
+            for pack, member in zip(packers, value, strict=True):
+                pack(member, numbers, arrays)
 
         return pack_tuple
     if kind == "complex128":

@@ -72,15 +72,15 @@ class VectorCode(EntryCode):
 
 def _reached(library: Any, through: type = JITCodeLibrary) -> list[Any]:
     """Libraries that a library needs, each once, up to shared ones; found through libraries of a kind."""
-    found: dict[Any, None] = {}
+    reached: dict[Any, None] = {}
     open_ = [library]
     while open_:
-        for one in open_.pop()._linking_libraries:
-            if one not in found:
-                found[one] = None
-                if isinstance(one, through) and not hasattr(one, "needed"):
-                    open_.append(one)
-    return list(found)
+        for linked in open_.pop()._linking_libraries:
+            if linked not in reached:
+                reached[linked] = None
+                if isinstance(linked, through) and not hasattr(linked, "needed"):
+                    open_.append(linked)
+    return list(reached)
 
 
 def _link(library: Any, module: Any, linkage: str) -> None:
@@ -156,11 +156,11 @@ class WholeCalls(CPUCallConv):
     def declare(self, module: Any, function: Any) -> Any:
         """Declaration of a function in a module."""
         kind = self.get_function_type(function.restype, function.argtypes)
-        found = cgutils.get_or_insert_function(module, kind, function.mangled_name)
-        self.decorate_function(found, function.args, function.argtypes)
+        declared = cgutils.get_or_insert_function(module, kind, function.mangled_name)
+        self.decorate_function(declared, function.args, function.argtypes)
         if function.inline:
-            found.attributes.add("alwaysinline")
-        return found
+            declared.attributes.add("alwaysinline")
+        return declared
 
 
 def called(function: Any, libraries: Sequence[Any]) -> Callable[..., Any]:

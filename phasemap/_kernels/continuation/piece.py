@@ -298,19 +298,19 @@ def follow_piece(path: Path, asked: Asked, orbit: Orbit, point: Point, made: Mad
             grazes = force_jumps(oscillator) and is_grazing(oscillator.p, orbit, AT_JUMP * head_of(orbit).amplitude)
             return PIECE_AT_JUMP if grazes else PIECE_STUCK, count
         # Where the control or the entry wanted turns, the step is divided.
-        found, start = 0, Place(before, saved)
+        turns, start = 0, Place(before, saved)
         for entry in (control_entry(path), asked.entry):
-            if before.rate[entry] * point.rate[entry] < 0.0 and not (found == 1 and entries[0] == entry):
+            if before.rate[entry] * point.rate[entry] < 0.0 and not (turns == 1 and entries[0] == entry):
                 good = False
                 for level in (FOLD_LEVEL, head_of(orbit).level):
                     if not good:
-                        good = turn_between(path, start, point, entry, level, asked.tolerance, top, turned[found])
+                        good = turn_between(path, start, point, entry, level, asked.tolerance, top, turned[turns])
                 if good:
-                    copy_orbit(top, tops[found])
-                    entries[found] = entry
-                    found += 1
-        swapped, done = found == 2 and turned[1].length < turned[0].length, 0.0
-        for i in range(found):
+                    copy_orbit(top, tops[turns])
+                    entries[turns] = entry
+                    turns += 1
+        swapped, done = turns == 2 and turned[1].length < turned[0].length, 0.0
+        for i in range(turns):
             which = 1 - i if swapped else i
             turn, length = Place(turned[which], tops[which]), turned[which].length
             turn.point.length -= done

@@ -90,16 +90,16 @@ def collocation_orbit_at_detected_amplitude(
 
     From the averaged orbit if averaging is as sure of the branch at the amplitude that the tip then has.
     """
-    wanted, found, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
+    wanted, orbit, along = detected_amplitude_wanted(oscillator, seen), curve.found, Along(math.nan, math.nan, math.nan)
     if sees_tip(oscillator.lever):
         return engaged_collocation_orbit(oscillator, wanted, decider, harmonic, curve, row), along
     done = col.NOT_CONVERGED
     for decides in (decider, BY_CURVE):
         done = engaged_collocation_orbit(oscillator, wanted, decides, harmonic, curve, row)
         if done == col.GOOD:
-            done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), found, row)
+            done, along = move_to_detected_amplitude(oscillator, seen, tolerance_of(oscillator), orbit, row)
         if done == col.GOOD:
-            decider_there = engage_by_averaging(oscillator, head_of(found).amplitude, harmonic, top)
+            decider_there = engage_by_averaging(oscillator, head_of(orbit).amplitude, harmonic, top)
             if decider_there == BY_AVERAGING and (row[col.STIFFENING] > 0.0) == (harmonic.push > 0.0):
                 break
             if decider_there == IN_TIME:

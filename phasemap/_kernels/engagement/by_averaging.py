@@ -225,10 +225,10 @@ def fill_only_averaged_orbit(oscillator: Oscillator, amplitude: float, harmonic:
         highest, gap = max(highest, h), gap - FINELY * (abs(gap) + reach)
     if not highest > plain:
         return False
-    found = averaged_orbits(oscillator, amplitude)
-    if len(found) != 1:
+    orbits = averaged_orbits(oscillator, amplitude)
+    if len(orbits) != 1:
         return False
-    load_harmonic_orbit(found[0], harmonic)
+    load_harmonic_orbit(orbits[0], harmonic)
     gap = centre_height(harmonic) - amplitude
     return fill_averaged_orbit_at_gap(oscillator, amplitude, gap, harmonic) > STEEPEST
 

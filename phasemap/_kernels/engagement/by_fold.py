@@ -194,17 +194,17 @@ def orbit_by_response(
         return False
     known = fill_setpoint_orbit_on_side(oscillator, amplitude, side, workspace.top, harmonic)
     if side == REPULSIVE:
-        found = known and not rebounds(oscillator, harmonic.push)
-        return found and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
-    found = known and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
-    if found and slope_is_clear(oscillator, limits, workspace):
+        holds = known and not rebounds(oscillator, harmonic.push)
+        return holds and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
+    holds = known and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
+    if holds and slope_is_clear(oscillator, limits, workspace):
         return True
     if worst != amplitude:
         peak = response_maximum(oscillator, amplitude, peak.gap, peak.step, workspace)
-    found = fill_orbit_outside_maximum(oscillator, amplitude, peak, harmonic, workspace)
-    found = found and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
+    holds = fill_orbit_outside_maximum(oscillator, amplitude, peak, harmonic, workspace)
+    holds = holds and exact_orbit_at_amplitude(oscillator, harmonic, limits, workspace)
     harmonic.tip_offset = math.nan  # no averaged orbit, which could stand for this one
-    return found and slope_is_clear(oscillator, limits, workspace)
+    return holds and slope_is_clear(oscillator, limits, workspace)
 
 
 @kernel

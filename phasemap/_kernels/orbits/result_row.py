@@ -21,10 +21,10 @@ def feedback_status(row: np.ndarray) -> int:
 
 
 @kernel
-def same_orbit(one: np.ndarray, other: np.ndarray) -> bool:
+def same_orbit(first: np.ndarray, second: np.ndarray) -> bool:
     """True if two result rows are of the same orbit."""
-    apart = abs(one[col.TIP_OFFSET] - other[col.TIP_OFFSET]) / one[col.AMPLITUDE]
-    return max(apart, abs(one[col.PHASE] - other[col.PHASE])) < SAME_ORBIT
+    apart = abs(first[col.TIP_OFFSET] - second[col.TIP_OFFSET]) / first[col.AMPLITUDE]
+    return max(apart, abs(first[col.PHASE] - second[col.PHASE])) < SAME_ORBIT
 
 
 @kernel

@@ -37,6 +37,6 @@ class Answers(NamedTuple):
         """Answers for some materials, an array of numbers; or of one slot."""
         return Answers(self.rows[chosen], self.status[chosen], self.solver[chosen])
 
-    def put(self, chosen: np.ndarray, some: Answers) -> None:
+    def put(self, chosen: np.ndarray, others: Answers) -> None:
         """Take in the answers for some materials."""
-        self.rows[chosen], self.status[chosen], self.solver[chosen] = some
+        self.rows[chosen], self.status[chosen], self.solver[chosen] = others

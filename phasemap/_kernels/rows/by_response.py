@@ -43,9 +43,9 @@ def response_rows(pixels: Pixels, limits: ErrorLimits, average: bool, answers: A
     for i in range(len(out)):
         oscillator, amplitude, row = oscillator_of(pixels, i), pixels.amplitudes[i], out[i][: col.COLUMNS]
         row[:] = math.nan
-        found = engaged_orbit_by_response(oscillator, amplitude, limits, harmonic, workspace)
-        status[i], waiting = (col.GOOD, waiting) if found else (col.PENDING, waiting + 1)
-        if found:
+        solved = engaged_orbit_by_response(oscillator, amplitude, limits, harmonic, workspace)
+        status[i], waiting = (col.GOOD, waiting) if solved else (col.PENDING, waiting + 1)
+        if solved:
             solver[i] = fill_sufficient_row(
                 lever, harmonic, nodes_of_solution(workspace), workspace.state, average, limits, row
             )

@@ -166,7 +166,7 @@ def filter_cubic(loop: Loop, y: np.ndarray, path: CubicPath, time: float, out: n
     """
     s, order = loop.rate * time, loop.order
     a, a1, a2, a3 = path
-    for j in range(order):
+    for j in range(order):  # the polynomial x of each: x + dx/ds is that of the one before
         a2 -= a3
         a1 -= a2
         a -= a1
@@ -195,7 +195,7 @@ def filter_cubic(loop: Loop, y: np.ndarray, path: CubicPath, time: float, out: n
 
 @kernel
 def move_scanner(loop: Loop, y: np.ndarray, to: float, time: float) -> None:
-    """Scanner after a time during which its command stays."""
+    """Move the scanner for a time during which its command stays at `to`: the solution of Z'' of the head, exactly."""
     if loop.spring == 0.0:
         y[SCANNER] = to
         return

@@ -140,7 +140,7 @@ class Curves:
     def from_orbit(self, orbit: Any, m: float) -> None:
         """Follow the curve both ways from an orbit of the lever over the material at m, if it is new."""
         head, row = head_of(orbit), np.zeros(col.COLUMNS)
-        head.parameter, head.equations = m, EQUATIONS_OTHER
+        head.parameter, head.equations = m, EQUATIONS_OTHER  # to be linearised anew, on this path
         row[col.TIP_OFFSET], row[col.AMPLITUDE] = head.tip_offset, head.amplitude
         row[col.PHASE] = phase_of(self.oscillator_at(m).lever, head.amplitude, head.push, head.drag)
         if not self.knows(row, m):

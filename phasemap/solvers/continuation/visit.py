@@ -364,5 +364,5 @@ class SlowFeedback:
         near = int(np.argmin(np.where(known, np.abs(segment.x - z0), np.inf)))
         if not known.any():
             return Held(TipPlace(segment, z0), row, None, jump, col.GOOD)
-        found, trace = segment.rows[near], segment.traces[near]
-        return Held(TipPlace(segment, float(segment.x[near])), found, trace, jump, col.GOOD)
+        wanted_row, trace = segment.rows[near], segment.traces[near]
+        return Held(TipPlace(segment, float(segment.x[near])), wanted_row, trace, jump, col.GOOD)

@@ -61,14 +61,14 @@ def averaged_orbits(oscillator: Oscillator, amplitude: float) -> np.ndarray:
         gaps[count], f[count] = gap, math.log1p(h)
         count += 1
         before = (gap, push)
-    rows, harmonic, found = np.zeros((MOST_ORBITS, HARMONIC_WORDS)), HarmonicOrbit(), 0
+    rows, harmonic, filled = np.zeros((MOST_ORBITS, HARMONIC_WORDS)), HarmonicOrbit(), 0
     for i in range(1, count):
-        if found == len(rows) or (f[i] > 0.0) == (f[i - 1] > 0.0):
+        if filled == len(rows) or (f[i] > 0.0) == (f[i - 1] > 0.0):
             continue
         gap = gap_of_crossing(oscillator, amplitude, UNCLEAR, 0.0, (gaps[i], f[i]), (gaps[i - 1], f[i - 1]))
         if not math.isnan(gap):
             push, drag, mean = harmonics(oscillator, amplitude, 1.0 + gap / amplitude)
             fill_harmonic_orbit(harmonic, amplitude, 1.0 + gap / amplitude, push, drag, mean)
-            store_harmonic_orbit(harmonic, rows[found])
-            found += 1
-    return rows[:found]
+            store_harmonic_orbit(harmonic, rows[filled])
+            filled += 1
+    return rows[:filled]

@@ -119,15 +119,15 @@ def _relaxing_sums(p: Any, amplitude: float, c: float, omega: float) -> tuple[Ta
     for i in range(len(_COS) - 1, -1, -1):
         row, theta, weight = growing[i], growing[i, 0], growing[i, 1]
         q2 = (1 - c) * _COS[i] * _COS[i]
-        found = _angle_of_equal_edge(arms, omega, tap, row, q2, -back * theta, -theta)
-        back = -found.theta / theta
-        q, sine = math.sqrt(q2), math.sin(found.theta)
-        force = pressed_to(layer, q, found.depth)[0]
+        leaving = _angle_of_equal_edge(arms, omega, tap, row, q2, -back * theta, -theta)
+        back = -leaving.theta / theta
+        q, sine = math.sqrt(q2), math.sin(leaving.theta)
+        force = pressed_to(layer, q, leaving.depth)[0]
         for a in range(n):
             now, before = pressed_to(layer, q, arms.value[a])[0], pressed_to(layer, q, row[2 + a])[0]
             force -= arms.share[a] * (now - arms.slope[a] * (before - row[2 + n + a]))
-        weight *= math.sin(theta) * found.rate  # d theta / d theta_1
-        sums = _tap_sums_with(sums, -weight * scale * force, found.depth + c, sine)
+        weight *= math.sin(theta) * leaving.rate  # d theta / d theta_1
+        sums = _tap_sums_with(sums, -weight * scale * force, leaving.depth + c, sine)
     first = np.zeros(2 + n)
     first[0] = start
     return sums, _angle_of_equal_edge(arms, omega, tap, first, 0.0, -back * start, -start).theta

@@ -124,15 +124,15 @@ def find_mismatch_maximum(oscillator: Oscillator, amplitude: float, plain: float
 @kernel
 def gap_of_crossing(
     oscillator: Oscillator, amplitude: float, side: int, shift: float,
-    one: tuple[float, float], two: tuple[float, float],
+    first: tuple[float, float], second: tuple[float, float],
 ) -> float:  # fmt: skip
     """Gap [m] of zero mismatch between two points (gap, f) of opposite sign, by regula falsi; NaN without one.
 
     f is that of `sided_log_mismatch`; on the attractive side its chords are drawn over the logarithm of gap + shift.
     """
     lever = oscillator.lever
-    a, f_a = one
-    b, f_b = two
+    a, f_a = first
+    b, f_b = second
     logarithmic = side == ATTRACTIVE
     if logarithmic:
         a, b = math.log(a + shift), math.log(b + shift)
@@ -149,10 +149,10 @@ def gap_of_crossing(
 
 @kernel
 def gap_of_push(
-    oscillator: Oscillator, amplitude: float, wanted: float, one: tuple[float, float], two: tuple[float, float]
+    oscillator: Oscillator, amplitude: float, wanted: float, first: tuple[float, float], second: tuple[float, float]
 ) -> float:
     """Gap [m] at which the in-phase force is `wanted` [m], between two points (gap, P); the first gap if at none."""
-    (a, f_a), (b, f_b) = one, two
+    (a, f_a), (b, f_b) = first, second
     f_a, f_b, x = f_a - wanted, f_b - wanted, a
     for _ in range(MOST_CROSSING_STEPS if (f_a > 0.0) != (f_b > 0.0) else 0):
         x = (a * f_b - b * f_a) / (f_b - f_a)

@@ -110,11 +110,11 @@ def apply_step(lever: np.ndarray, orbit: Orbit, share: float) -> float:
     largest, states, f, old = 0.0, np.empty(2 * count), np.empty(NODES), np.empty(NODES)
     for e in range(head.count):
         element = element_of(orbit, e)
-        for r in range(2 * count):
+        for r in range(2 * count):  # of the modes where the element begins, by the unknowns x
             states[r] = chain[e, r, last]
             for q in range(last):
                 states[r] += chain[e, r, q] * x[q]
-        by = forces[e, last]
+        by = forces[e, last]  # P cos + S sin - g moves the modes, and g is affine in x and these states
         for j in range(NODES):
             f[j] = x[RP] * element.cos[j] + x[RS] * element.sin[j] - by[j]
         for q in range(STATE + 2 * count):

@@ -217,14 +217,14 @@ class Crossings:
 
 
 @kernel
-def _add_crossing(found: Crossings, rising: bool, angle: float) -> None:
+def _add_crossing(crossings: Crossings, rising: bool, angle: float) -> None:
     """Add an angle at which d passes 0."""
     if rising:
-        found.up[found.ups] = angle
-        found.ups += 1
+        crossings.up[crossings.ups] = angle
+        crossings.ups += 1
     else:
-        found.down[found.downs] = angle
-        found.downs += 1
+        crossings.down[crossings.downs] = angle
+        crossings.downs += 1
 
 
 @kernel
@@ -246,7 +246,7 @@ def _point_of(orbit: Orbit, e: int, k: int) -> tuple[float, float, float]:
 @kernel
 def _find_crossings(orbit: Orbit) -> bool:
     """Find where d rises and falls through 0; fills their angles in the head. False if there are too many."""
-    head, found = head_of(orbit), Crossings()
+    head, crossings = head_of(orbit), Crossings()
     theta_before, d_before, slope_before = _point_of(orbit, 0, 0)
     d_first, first_inside = d_before, d_before > 0.0
     extreme_theta, extreme_d, lowest_theta, lowest_d = theta_before, d_before, theta_before, d_before
@@ -271,29 +271,29 @@ def _find_crossings(orbit: Orbit) -> bool:
                 lowest_theta, lowest_d = middle, d_middle
         twice = inside == was_inside and (d_middle > 0.0) != inside
         if twice or inside != was_inside:
-            if max(found.ups, found.downs) >= MOST_CONTACTS:
+            if max(crossings.ups, crossings.downs) >= MOST_CONTACTS:
                 return False
             if twice:
                 angle = _angle_at_depth(orbit, e, 0.0, theta_before, d_before, middle, d_middle)
-                _add_crossing(found, not inside, angle)
-            _add_crossing(found, inside, _angle_at_depth(orbit, e, 0.0, middle, d_middle, theta, d))
+                _add_crossing(crossings, not inside, angle)
+            _add_crossing(crossings, inside, _angle_at_depth(orbit, e, 0.0, middle, d_middle, theta, d))
         theta_before, d_before, slope_before = theta, d, slope
-    if found.ups == 0:
+    if crossings.ups == 0:
         head.contacts = PERMANENT if first_inside else 0
         head.nearest_angle = lowest_theta if first_inside else extreme_theta
         head.nearest_depth = lowest_d if first_inside else extreme_d
     else:
-        _set_contacts(head, found, first_inside)
+        _set_contacts(head, crossings, first_inside)
     return True
 
 
 @kernel
-def _set_contacts(head: Head, found: Crossings, first_inside: bool) -> None:
+def _set_contacts(head: Head, crossings: Crossings, first_inside: bool) -> None:
     """Fill in where contacts begin and end, the first in [-pi, pi); the one that contains the start ends first."""
-    head.contacts = found.ups
-    shift = TWO_PI * math.floor((found.up[0] + math.pi) / TWO_PI)
-    for i in range(found.ups):
-        end = found.down[i]
+    head.contacts = crossings.ups
+    shift = TWO_PI * math.floor((crossings.up[0] + math.pi) / TWO_PI)
+    for i in range(crossings.ups):
+        end = crossings.down[i]
         if first_inside:
-            end = found.down[i + 1] if i + 1 < found.ups else found.down[0] + TWO_PI
-        head.contact_start[i], head.contact_end[i] = found.up[i] - shift, end - shift
+            end = crossings.down[i + 1] if i + 1 < crossings.ups else crossings.down[0] + TWO_PI
+        head.contact_start[i], head.contact_end[i] = crossings.up[i] - shift, end - shift

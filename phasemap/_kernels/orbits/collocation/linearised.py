@@ -194,16 +194,16 @@ def border_between(p: np.ndarray, before: int, after: int) -> float:
 
 
 @kernel
-def jump_rate(oscillator: Oscillator, before: int, one: Element, amplitude: float) -> float:
+def jump_rate(oscillator: Oscillator, before: int, element: Element, amplitude: float) -> float:
     """Jump of w' per metre of depth at the start of an element, where the force itself may jump.
 
     A contact that starts earlier by d / |d'| feels the difference of the two accelerations for so long: theory,
     Eq. (collocation-5).
     """
     law, p, lever = oscillator
-    omega, after = lever[OMEGA], one.side
+    omega, after = lever[OMEGA], element.side
     border = border_between(p, before, after)
-    slope = one.edge_u - amplitude * math.sin(one.edge)
+    slope = element.edge_u - amplitude * math.sin(element.edge)
     v = omega * slope
     inverse_k = 1.0 / lever[STIFFNESS]
     deeper, higher = (after, before) if slope > 0.0 else (before, after)

@@ -36,11 +36,11 @@ def floquet(transfer: np.ndarray, states: int) -> float:
 @kernel
 def determinant_of_return(transfer: np.ndarray, states: int) -> float:
     """Determinant of one less the monodromy matrix: it changes sign where a multiplier passes one."""
-    m, order, found = -monodromy_matrix(transfer, states), np.empty(states, np.int64), 1.0
+    m, order, determinant = -monodromy_matrix(transfer, states), np.empty(states, np.int64), 1.0
     for i in range(states):
         m[i, i] += 1.0
     if not factor(m, states, order):
         return 0.0
     for i in range(states):
-        found *= m[i, i] if order[i] == i else -m[i, i]
-    return found
+        determinant *= m[i, i] if order[i] == i else -m[i, i]
+    return determinant

@@ -156,7 +156,7 @@ def _unresolved(nodes: Nodes, again: float) -> float:
             re += HIGHEST[1, j] * share_re
             im += HIGHEST[1, j] * share_im
             size += GAUSS_WEIGHTS[j] * (abs(share_re) + abs(share_im))
-        found = abs(re) + abs(im) + abs(re_before) + abs(im_before)
+        highest = abs(re) + abs(im) + abs(re_before) + abs(im_before)
         weight = again * nodes.growth[OUT + N - 1] / nodes.growth[ENTRY] if element == 2 else 1.0
-        rest += UNRESOLVED_SHARE * weight * found * (found / size) ** 3
+        rest += UNRESOLVED_SHARE * weight * highest * (highest / size) ** 3
     return rest

@@ -99,11 +99,11 @@ def _orbit_by_passes(
     if not start_passes(oscillator, f, state):
         return False
     state.parts = parts_of(f)
-    found = converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset)
+    outcome = converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset)
     other, cut = workspace.finer, beside_resonance(lever) or modes_of(lever) > 1
     most_parts = FEW_PARTS if modes_of(lever) == 1 or by_newton(lever, state) else MOST_PARTS
     while (
-        found == UNRESOLVED
+        outcome == UNRESOLVED
         and f.touches == 1
         and cut
         and not (parts_of(f) > 1 and state.last_ratio > 1.0)  # which lead away, as where the tip touches twice
@@ -116,8 +116,8 @@ def _orbit_by_passes(
         f, other = other, f
         state.parts = parts_of(f)
         evaluate_nodes(oscillator, f, state)
-        found = converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset)
-    if found != FOUND or not on_same_branch(lever, harmonic, state):
+        outcome = converge_passes(oscillator, f, state, False, limits.phase, limits.tip_offset)
+    if outcome != FOUND or not on_same_branch(lever, harmonic, state):
         return False
     if workspace.seen > 0.0:
         held = state.seen > 0.0 and f.touches == 1

@@ -139,10 +139,11 @@ def first_pass(lever: np.ndarray, state: PassState) -> None:
 
 @kernel
 def after_pass(lever: np.ndarray, state: PassState, h: float, w: float, nodes: float) -> float:
-    """Phase and tip offset after a pass, from the mismatch left and a deflection `w`, and the errors that are left.
+    """Fill in phase and tip offset after a pass, and the errors that are left.
 
-    The errors are taken from the last two changes as if they went on like a geometric series, many times over: theory,
-    Eq. (errors-1). Returns the ratio of the changes, NaN before there are two.
+    `h`: mismatch left; `w`: deflection beyond the first harmonic where the tip is nearest [m]; `nodes`: error by the
+    nodes [m]. The errors are taken from the last two changes as if they went on like a geometric series, many times
+    over: theory, Eq. (errors-1). Returns the ratio of the changes, NaN before there are two.
     """
     move = state.move = -h / state.slope
     push, drag = state.push + move * state.push_slope, state.drag + move * state.drag_slope
