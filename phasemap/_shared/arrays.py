@@ -45,10 +45,10 @@ def real_numbers(name: str, values: object, unit: str) -> Array:
     given = as_array(name, numbers(name, values, unit), allowed)
     if given.dtype.kind not in "fiu":
         raise InputError(name, values, allowed)
-    found = given.astype(np.float64)
+    array = given.astype(np.float64)
     if isinstance(values, np.ma.MaskedArray):
-        found[np.ma.getmaskarray(values)] = np.nan
-    return found
+        array[np.ma.getmaskarray(values)] = np.nan
+    return array
 
 
 def is_uniform(array: NDArray[Any]) -> bool:

@@ -72,41 +72,41 @@ def _kind(node: ast.expr) -> Kind | None:
     """The kind that a parsed annotation names, with unions and lists of kinds; None where it names none."""
     name = ast.unparse(node)
     if isinstance(node, ast.BinOp):
-        one, other = _kind(node.left), _kind(node.right)
-        return one and other and _either(one, other)
+        left, right = _kind(node.left), _kind(node.right)
+        return left and right and _either(left, right)
     if isinstance(node, ast.Subscript) and ast.unparse(node.value) in ("Iterable", "Sequence"):
-        one = _kind(node.slice)
-        return one and _list_of(one)
+        kind = _kind(node.slice)
+        return kind and _list_of(kind)
     if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Mapping":
         return Kind("a dict", "dicts", lambda value: isinstance(value, Mapping))
     return _instance_of(name) if name in CLASSES else KINDS.get(name)
 
 
-def _either(one: Kind, other: Kind) -> Kind:
+def _either(first: Kind, second: Kind) -> Kind:
     """Kind of values that are of one kind or of another."""
     return Kind(
-        f"{one.words} or {other.words}",
-        f"{one.several} or {other.several}",
-        lambda value: one.takes(value) or other.takes(value),
+        f"{first.words} or {second.words}",
+        f"{first.several} or {second.several}",
+        lambda value: first.takes(value) or second.takes(value),
     )
 
 
-def _list_of(one: Kind) -> Kind:
+def _list_of(kind: Kind) -> Kind:
     """Kind of lists and tuples of values of one kind."""
 
     def takes(value: object) -> bool:
         if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) > MOST:
             return False
-        return all(map(one.takes, value))
+        return all(map(kind.takes, value))
 
-    return Kind(f"a list of {one.several}", f"lists of {one.several}", takes)
+    return Kind(f"a list of {kind.several}", f"lists of {kind.several}", takes)
 
 
 def _instance_of(name: str) -> Kind:
     """Told by the name of the class, so that none needs to be imported."""
-    last, said = name.rpartition(".")[2], name.replace("xr.", "xarray.")
-    words = f"an {said}" if said[0] in "AIx" else f"a {said}"
-    return Kind(words, f"{said}s", lambda value: any(cls.__name__ == last for cls in type(value).__mro__))
+    last, called = name.rpartition(".")[2], name.replace("xr.", "xarray.")
+    words = f"an {called}" if called[0] in "AIx" else f"a {called}"
+    return Kind(words, f"{called}s", lambda value: any(cls.__name__ == last for cls in type(value).__mro__))
 
 
 P = ParamSpec("P")
@@ -140,8 +140,8 @@ def asked_as(hint: str = "", **symbols: str) -> Callable[[Callable[P, R]], Calla
             try:
                 bound = asked.bind(*given, **named)
             except TypeError as error:
-                said = _wrongly(called, asked, call, len(given) - ("self" in asked.parameters), list(named), symbols)
-                raise TypeError(f"{said or f'{called}: {error}.'} {hint}".rstrip()) from None
+                wrong = _wrongly(called, asked, call, len(given) - ("self" in asked.parameters), list(named), symbols)
+                raise TypeError(f"{wrong or f'{called}: {error}.'} {hint}".rstrip()) from None
             for name, value in bound.arguments.items():
                 order = f"The order is {call}." if name in needed else ""
                 bound.arguments[name] = of_kind(name, value, asked.parameters[name].annotation, order)

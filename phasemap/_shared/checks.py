@@ -52,17 +52,17 @@ def numbers(name: str, values: Any, unit: str) -> Any:
     try:
         if not isinstance(values, str):
             return array_in_si(values, unit)
-        found = range_in_si(values, unit)
+        spread = range_in_si(values, unit)
     except NotThatUnit:
         example = KINDS[unit][1]
         allowed = f"numbers{f' in {unit}' if unit != '1' else ''}, with units such as {example!r}, or START:STOP:N"
         raise InputError(name, values, allowed) from None
-    if len(found) == 1:
-        return found[0]
+    if len(spread) == 1:
+        return spread[0]
     import numpy as np
 
-    check_fits(name, 8.0 * found[2], "Give fewer numbers.")
-    return np.linspace(found[0], found[1], int(found[2]))
+    check_fits(name, 8.0 * spread[2], "Give fewer numbers.")
+    return np.linspace(spread[0], spread[1], int(spread[2]))
 
 
 def range_in_words(

@@ -54,10 +54,10 @@ class Number(Generic[T]):
         return cast(T, self._default)
 
     def __set__(self, instance: object, value: T | Scalar) -> None:
-        found = None if value is None and self._default is None else self.check(value)
-        if found is not None and self._asks:
-            self.look_at(found)
-        instance.__dict__[self._name] = found
+        number = None if value is None and self._default is None else self.check(value)
+        if number is not None and self._asks:
+            self.look_at(number)
+        instance.__dict__[self._name] = number
 
     def check(self, value: object) -> float | None:
         """Value of the field as it is kept; an `InputError` if it is not allowed."""
@@ -103,9 +103,9 @@ def known_as(**symbols: str) -> Callable[[type[C]], type[C]]:
 
 def number_of(cls: type, name: str) -> Number[Any]:
     """Declaration of a field of a class that is a number."""
-    found = vars(cls)[name]
-    assert isinstance(found, Number)
-    return found
+    number = vars(cls)[name]
+    assert isinstance(number, Number)
+    return number
 
 
 class Shown:
@@ -115,13 +115,13 @@ class Shown:
 
     def __repr__(self) -> str:
         """Call in Python that makes the object, without what is the default."""
-        said = ", ".join(f"{field.name}={_python(getattr(self, field.name))}" for field in _given(self))
-        return f"{type(self).__name__}({said})"
+        fields = ", ".join(f"{field.name}={_python(getattr(self, field.name))}" for field in _given(self))
+        return f"{type(self).__name__}({fields})"
 
 
 def values_in_words(thing: Shown) -> str:
     """Values that are set, with units, in one line."""
-    said = []
+    parts = []
     for field in _given(thing):
         value, number = getattr(thing, field.name), vars(type(thing)).get(field.name)
         if value is None:
@@ -132,8 +132,8 @@ def values_in_words(thing: Shown) -> str:
             text = " and ".join(f"({values_in_words(one)})" for one in value)
         else:
             text = str(value)
-        said.append(f"{field.name.replace('_', ' ')} {text}")
-    return ", ".join(said)
+        parts.append(f"{field.name.replace('_', ' ')} {text}")
+    return ", ".join(parts)
 
 
 def _given(thing: Shown) -> list[Field[Any]]:

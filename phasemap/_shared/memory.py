@@ -24,8 +24,8 @@ def check_fits(what: str, size: float, advice: str = "Take fewer pixels.") -> No
         return
     free = available()
     if size > free:
-        said = f"{what} needs {size_in_words(size)} of memory, and {size_in_words(free)} are free."
-        raise TooLargeError(f"{said} {advice} {VARIABLE}, in bytes, sets another limit.")
+        sentence = f"{what} needs {size_in_words(size)} of memory, and {size_in_words(free)} are free."
+        raise TooLargeError(f"{sentence} {advice} {VARIABLE}, in bytes, sets another limit.")
 
 
 def available() -> float:

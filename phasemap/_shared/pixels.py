@@ -45,14 +45,14 @@ def coordinate_step(dataset: xr.Dataset | xr.DataArray, dim: str) -> float:
         raise InputError("list of coordinates in the dataset", [str(name) for name in dataset.coords], allowed)
     positions = dataset[dim].to_numpy()
     if positions.dtype.kind not in "fiu" or not positions.size:
-        found = f"{positions.size} values of type {positions.dtype.name}"
-        raise InputError(f"coordinate {dim}", found, "positions of the pixel centres, numbers in m")
+        given = f"{positions.size} values of type {positions.dtype.name}"
+        raise InputError(f"coordinate {dim}", given, "positions of the pixel centres, numbers in m")
     values = downwards(positions.astype(np.float64), dim)
     steps = np.diff(values)
     if steps.size and not (steps > 0).all():
         way = "falls or rises from the top of the image" if dim == "y" else "rises from the left of the image"
-        found = Word("not monotonic" if dim == "y" else "not increasing")
-        raise InputError(f"coordinate {dim}", found, f"one that {way}")
+        given = Word("not monotonic" if dim == "y" else "not increasing")
+        raise InputError(f"coordinate {dim}", given, f"one that {way}")
     step = 2 * values[0]
     if steps.size and not np.allclose(values, centres(values.size, step), rtol=1e-9, atol=0):
         step = (values[-1] - values[0]) / steps.size

@@ -104,10 +104,10 @@ def range_in_si(text: str, unit: str) -> tuple[float, ...]:
 def split(text: str) -> tuple[str, str]:
     """Split text into a number and its unit, empty for a plain number; raises NotThatUnit if it is something else."""
     plain = _SPACES.sub(r"\1", text.strip().replace("\N{MINUS SIGN}", "-")) if len(text) <= LONGEST else ""
-    found = _QUANTITY.fullmatch(plain)
-    if found is None:
+    match = _QUANTITY.fullmatch(plain)
+    if match is None:
         raise NotThatUnit(text)
-    return found[1], found[2] or ""
+    return match[1], match[2] or ""
 
 
 def is_number(text: str) -> bool:

@@ -93,10 +93,10 @@ def spread(task: Callable[[int, int], None], bounds: Sequence[int], workers: int
 
 def found_in(task: Callable[[int, int], T], bounds: Sequence[int], workers: int) -> list[T]:
     """Results of ``task(first, last)`` for all neighbours in `bounds`, in their order."""
-    found: dict[int, T] = {}
+    results: dict[int, T] = {}
 
     def find(first: int, last: int) -> None:
-        found[first] = task(first, last)
+        results[first] = task(first, last)
 
     spread(find, bounds, workers, None)
-    return [found[first] for first in bounds[:-1]]
+    return [results[first] for first in bounds[:-1]]

@@ -89,7 +89,7 @@ def check_files(arguments: argparse.Namespace) -> None:
 
 
 def conclude(
-    arguments: argparse.Namespace, found: xr.Dataset, draw: str, summary: Iterable[str], started: float | None = None,
+    arguments: argparse.Namespace, result: xr.Dataset, draw: str, summary: Iterable[str], started: float | None = None,
     width: int = 12, **options: Any,
 ) -> None:  # fmt: skip
     """Write the result and its picture, where the command names files, and print its summary.
@@ -99,11 +99,11 @@ def conclude(
     if arguments.output is not None:
         from phasemap.io.netcdf import save
 
-        save(found, arguments.output, arguments.overwrite)
+        save(result, arguments.output, arguments.overwrite)
     if arguments.plot is not None:
         from phasemap import plot
 
-        getattr(plot, draw)(found, arguments.plot, overwrite=arguments.overwrite, **options)
+        getattr(plot, draw)(result, arguments.plot, overwrite=arguments.overwrite, **options)
     if arguments.quiet:
         return
     print("\n".join(summary))
@@ -148,10 +148,10 @@ def one_each(name: str, text: str | None, unit: str, count: int, each: str, word
         return text
     option = f"--{name.replace('_', '-')}"
     allowed = f"a number, or {count} with commas between them, one {each}"
-    found = [number for part in text.split(",") for number in number_or_range(option, part, unit, allowed)]
-    if len(found) not in (1, count):
+    numbers = [number for part in text.split(",") for number in number_or_range(option, part, unit, allowed)]
+    if len(numbers) not in (1, count):
         raise InputError(option, text, allowed)
-    return found * (count // len(found))
+    return numbers * (count // len(numbers))
 
 
 def labels_in(path: str) -> np.ndarray:

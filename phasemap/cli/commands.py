@@ -107,8 +107,8 @@ def _run_command(arguments: argparse.Namespace) -> int:
             return _complain(sentence)
         arguments.overwrite = True
         return _run_command(arguments)
-    except InputErrors as found:
-        return max(_complain(str(error)) for error in found.errors)
+    except InputErrors as several:
+        return max(_complain(str(error)) for error in several.errors)
     except (PhasemapError, ImportError) as error:  # of a numba of another version
         return _complain(str(error))
     except OSError as error:

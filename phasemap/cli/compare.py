@@ -88,17 +88,17 @@ def compare(arguments: argparse.Namespace) -> None:
     for image in images:
         if "channels" in image.attrs:
             one_scan(image)  # which says what the file has if a channel is missing
-    found = compare_images(*images, **options)
+    comparison = compare_images(*images, **options)
     options = {"row": arguments.row, **colours_of(arguments)}
-    conclude(arguments, found, "comparison", summary(found), width=17, **options)
+    conclude(arguments, comparison, "comparison", summary(comparison), width=17, **options)
 
 
-def summary(found: xr.Dataset) -> list[str]:
+def summary(comparison: xr.Dataset) -> list[str]:
     """Findings of a comparison, as lines of a word and a sentence, the verdict last."""
     from phasemap.comparison.findings import lines_of, verdict_of
 
-    size = f"{found.sizes['x']} x {found.sizes['y']} pixels"
-    lines = [("compared", size), *lines_of(found), ("verdict", verdict_of(found))]
+    size = f"{comparison.sizes['x']} x {comparison.sizes['y']} pixels"
+    lines = [("compared", size), *lines_of(comparison), ("verdict", verdict_of(comparison))]
     return in_two_columns(lines, 17)
 
 
@@ -151,9 +151,9 @@ def check(arguments: argparse.Namespace) -> int:
 
     image = load(arguments.image)
     surface = _surface(arguments)
-    found = interruptible(lambda: _checked(image, surface, arguments))
-    print(found.verdict if arguments.quiet else "\n".join([*_header(image), "", str(found)]))
-    return 0 if found.holds else FAILED
+    checked = interruptible(lambda: _checked(image, surface, arguments))
+    print(checked.verdict if arguments.quiet else "\n".join([*_header(image), "", str(checked)]))
+    return 0 if checked.holds else FAILED
 
 
 def _surface(arguments: argparse.Namespace) -> Surface | None:

@@ -40,26 +40,26 @@ def progress_bar(unit: str, quiet: bool = False) -> Iterator[Callable[[int, int]
         yield progress
 
 
-def in_two_columns(said: Iterable[tuple[str, str]], first: int = 12) -> list[str]:
+def in_two_columns(texts: Iterable[tuple[str, str]], first: int = 12) -> list[str]:
     """Lay out words, each where it changes, beside what is said of them. `first`: width of the column of words."""
     lines, before = [], ""
-    for word, text in said:
+    for word, text in texts:
         for line in textwrap.wrap(text, WIDTH):
             lines.append(f"{'' if word == before else word:<{first}}{line}")
             before = word
     return lines
 
 
-def remarks(found: xr.Dataset, what: str = "pixels") -> list[str]:
+def remarks(ds: xr.Dataset, what: str = "pixels") -> list[str]:
     """Lines below a summary: on motion, on the limits of the model, and on failures."""
     from phasemap.results.descriptions import describe_failures, describe_irregular, describe_validity
 
-    said = {
-        "motion": describe_irregular(found, what),
-        "validity": describe_validity(found, what),
-        "failed": describe_failures(found, what) or ["none"],
+    texts = {
+        "motion": describe_irregular(ds, what),
+        "validity": describe_validity(ds, what),
+        "failed": describe_failures(ds, what) or ["none"],
     }
-    return [f"{word:<12}{line}" for word, lines in said.items() for line in lines]
+    return [f"{word:<12}{line}" for word, lines in texts.items() for line in lines]
 
 
 @contextmanager

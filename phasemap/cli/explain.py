@@ -85,29 +85,29 @@ def fit(arguments: argparse.Namespace) -> None:
     given = arguments.law
     laws = given if given in (None, "all") else [one.strip() for one in given.split(",")]
     start = PRIOR if arguments.sample is None else Material.preset(arguments.sample)
-    found = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)
+    fitted = fit_distance(curve, scope=scope, start=start, laws=laws, starts=arguments.starts)
     notes = [line for line in str(curve.attrs["warnings"]).splitlines() if not line.startswith("Not recorded")]
-    said = in_two_columns([("note", line) for line in notes + told] + said_of_fit(found, curve.attrs), 14)
-    conclude(arguments, found.to_dataset(), "fit", said, width=14)
+    summary = in_two_columns([("note", line) for line in notes + told] + said_of_fit(fitted, curve.attrs), 14)
+    conclude(arguments, fitted.to_dataset(), "fit", summary, width=14)
 
 
-def said_of_fit(found: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
+def said_of_fit(fitted: Fit, attrs: dict[str, Any]) -> list[tuple[str, str]]:
     """Findings of a fit to a curve of these attributes, in lines, the likeliest law first."""
     from phasemap.inference.curves.result import with_error
 
-    said = [
-        (name.replace("_", " "), with_error(value, found.errors[name], found.units[name]))
-        for name, value in found.values.items()
+    lines = [
+        (name.replace("_", " "), with_error(value, fitted.errors[name], fitted.units[name]))
+        for name, value in fitted.values.items()
     ]
     recorded = 1e9 * attrs.get("amplitude_sensitivity", 0.0)
-    if recorded and "sensitivity" in found.values:
-        value, error = (recorded * one["sensitivity"] for one in (found.values, found.errors))
-        said = [one for one in said if one[0] != "sensitivity"]
-        said.append(("sensitivity", f"{with_error(value, error, '1')} nm/V"))
-    for one in (found, *found.rivals) if found.rivals else ():
-        chi2, apart = one.chi2 / one.degrees, one.evidence - found.evidence
-        said.append(("law", f"{one.law}: chi2 {chi2:.3g} a datum, evidence {apart:+.1f}"))
-    return [*said, ("verdict", found.status)]
+    if recorded and "sensitivity" in fitted.values:
+        value, error = (recorded * numbers["sensitivity"] for numbers in (fitted.values, fitted.errors))
+        lines = [line for line in lines if line[0] != "sensitivity"]
+        lines.append(("sensitivity", f"{with_error(value, error, '1')} nm/V"))
+    for fit in (fitted, *fitted.rivals) if fitted.rivals else ():
+        chi2, apart = fit.chi2 / fit.degrees, fit.evidence - fitted.evidence
+        lines.append(("law", f"{fit.law}: chi2 {chi2:.3g} a datum, evidence {apart:+.1f}"))
+    return [*lines, ("verdict", fitted.status)]
 
 
 SETS = {
@@ -184,32 +184,32 @@ def series(arguments: argparse.Namespace) -> None:
         name: one_each(name, getattr(arguments, name), unit, len(paths), "a file", ("shared", "free"))
         for name, unit in (("setpoints", "1"), ("free_amplitudes", "m"), ("phase_zero", "degree"))
     }
-    found = explain(
+    explained = explain(
         images, scope,
         regions=arguments.regions or 2, by=arguments.by, labels=_labels(arguments.labels, len(paths)), known=known,
         sign=arguments.sign, phase_error=arguments.phase_error, direction=arguments.direction, seed=arguments.seed,
         **options,
     )  # fmt: skip
-    found.attrs["notes"] = "\n".join([*told, found.attrs["notes"]])
-    conclude(arguments, found, "series", said_of_series(found))
+    explained.attrs["notes"] = "\n".join([*told, explained.attrs["notes"]])
+    conclude(arguments, explained, "series", said_of_series(explained))
 
 
-def said_of_series(found: xr.Dataset) -> list[str]:
+def said_of_series(ds: xr.Dataset) -> list[str]:
     """Findings of `phasemap.series`, a line a file and a line a sentence."""
     from phasemap.results.descriptions import of_file
 
-    said = []
-    for i, name in enumerate(found["file"].values):
-        level, size = (of_file(found, name, i, scale) for name, scale in (("setpoint", 1.0), ("free_amplitude", 1e9)))
+    lines = []
+    for i, name in enumerate(ds["file"].values):
+        level, size = (of_file(ds, name, i, scale) for name, scale in (("setpoint", 1.0), ("free_amplitude", 1e9)))
         parts = [
-            f"{float(found['measured_contrast'][r, i]):+.1f} ± {float(found['contrast_error'][r, i]):.1f}° "
-            f"(simulated {float(found['fitted_contrast'][r, i]):+.1f}°)"
-            for r in range(1, found.sizes["region"])
+            f"{float(ds['measured_contrast'][r, i]):+.1f} ± {float(ds['contrast_error'][r, i]):.1f}° "
+            f"(simulated {float(ds['fitted_contrast'][r, i]):+.1f}°)"
+            for r in range(1, ds.sizes["region"])
         ]
-        said.append(("file", f"{name}: setpoint {level}, free amplitude {size} nm, contrast {'; '.join(parts)}"))
+        lines.append(("file", f"{name}: setpoint {level}, free amplitude {size} nm, contrast {'; '.join(parts)}"))
     for word, label in (("notes", "note"), ("verdict", "verdict"), ("advice", "advice")):
-        said += [(label, line) for line in found.attrs[word].splitlines()]
-    return in_two_columns(said)
+        lines += [(label, line) for line in ds.attrs[word].splitlines()]
+    return in_two_columns(lines)
 
 
 def microscope_of_files(

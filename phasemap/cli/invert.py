@@ -120,9 +120,9 @@ def invert(arguments: argparse.Namespace) -> None:
             options[name] = values
     if arguments.prior is not None:
         options["prior"] = _material(setup, "--prior", arguments.prior)
-    found, notes = _invert(given, setup, options, arguments)
-    said = in_two_columns(_said_images(given) + [("note", note) for note in notes] + summary(found))
-    conclude(arguments, found, "inversion", said, started)
+    ds, notes = _invert(given, setup, options, arguments)
+    lines = in_two_columns(_said_images(given) + [("note", note) for note in notes] + summary(ds))
+    conclude(arguments, ds, "inversion", lines, started)
 
 
 def _load(paths: list[Path], setup: SceneSetup, arguments: argparse.Namespace, overrides: list[str]) -> _Given:
@@ -241,58 +241,58 @@ def _numbers_of(name: str, arguments: argparse.Namespace, count: int) -> Any:
 
 def _said_images(given: _Given) -> list[tuple[str, str]]:
     """A line on each image: what it shows, at which setpoint and free amplitude."""
-    said = []
+    lines = []
     for image, scope, setpoint in zip(given.images, given.scopes, given.setpoints, strict=True):
         heights = "phase and height" if "height" in image else "phase"
         amplitude = f"{scope.drive.free_amplitude * 1e9:.4g} nm"
-        said.append(("image", f"{heights} at setpoint {setpoint:.4g}, free amplitude {amplitude}"))
-    return said
+        lines.append(("image", f"{heights} at setpoint {setpoint:.4g}, free amplitude {amplitude}"))
+    return lines
 
 
-def summary(found: xr.Dataset) -> list[tuple[str, str]]:
+def summary(ds: xr.Dataset) -> list[tuple[str, str]]:
     """Findings of an inversion or a fit by regions, as lines of a word and a sentence, the verdict last."""
-    said = _said_regions(found) if "region" in found.dims else _said_maps(found)
-    return [*said, *_sentences(found, "verdict"), *_sentences(found, "advice")]
+    lines = _said_regions(ds) if "region" in ds.dims else _said_maps(ds)
+    return [*lines, *_sentences(ds, "verdict"), *_sentences(ds, "advice")]
 
 
-def _said_maps(found: xr.Dataset) -> list[tuple[str, str]]:
+def _said_maps(ds: xr.Dataset) -> list[tuple[str, str]]:
     """The middle of each map, where it is determined."""
     import numpy as np
 
-    said = []
+    lines = []
     for i, (name, (unit, factor)) in enumerate(SHOWN.items()):
-        determined = found["flag"].values >> i & 1 == 0
-        sure = found[name].values[determined]
+        determined = ds["flag"].values >> i & 1 == 0
+        sure = ds[name].values[determined]
         if not sure.size:
-            said.append((name, "not determined"))
+            lines.append((name, "not determined"))
             continue
         low, middle, high = factor * np.percentile(sure, (5, 50, 95))
-        error = 100 * np.median(found[f"{name}_error"].values[determined])
+        error = 100 * np.median(ds[f"{name}_error"].values[determined])
         value = f"{middle:.3g} {unit}".rstrip()
-        said.append((name, f"{value} (5 to 95 %: {low:.3g} to {high:.3g}), error {error:.2g} %"))
-        if name == "damping" and "viscosity" in found:
-            viscosity = np.median(found["viscosity"].values[determined])
-            said.append(("", f"which is a viscosity of {viscosity:.3g} Pa s"))
-    return said
+        lines.append((name, f"{value} (5 to 95 %: {low:.3g} to {high:.3g}), error {error:.2g} %"))
+        if name == "damping" and "viscosity" in ds:
+            viscosity = np.median(ds["viscosity"].values[determined])
+            lines.append(("", f"which is a viscosity of {viscosity:.3g} Pa s"))
+    return lines
 
 
-def _said_regions(found: xr.Dataset) -> list[tuple[str, str]]:
+def _said_regions(ds: xr.Dataset) -> list[tuple[str, str]]:
     """Materials, with the factor of one standard error, and the zeros of the phase."""
     import numpy as np
 
-    said = []
-    words = found["determination"].attrs["flag_meanings"].split()
-    for i, label in enumerate(found["region"].values):
+    lines = []
+    words = ds["determination"].attrs["flag_meanings"].split()
+    for i, label in enumerate(ds["region"].values):
         parts = []
         for name, (unit, factor) in SHOWN.items():
-            value, error = factor * float(found[name][i]), float(found[f"{name}_error"][i])
-            word = words[int(found["determination"].sel(property=name)[i])]
+            value, error = factor * float(ds[name][i]), float(ds[f"{name}_error"][i])
+            word = words[int(ds["determination"].sel(property=name)[i])]
             off = {"given": " (given)", "determined": f" ×/÷ {np.exp(error):.2f}"}.get(word, " (not determined)")
-            if name == "damping" and "viscosity" in found:
-                off += f", which is a viscosity of {float(found['viscosity'][i]):.3g} Pa s"
+            if name == "damping" and "viscosity" in ds:
+                off += f", which is a viscosity of {float(ds['viscosity'][i]):.3g} Pa s"
             parts.append(f"{name} {value:.3g} {unit}".rstrip() + off)
-        said.append((f"region {label}", ", ".join(parts)))
-    return [*said, ("phase zero", _said_zeros(found))]
+        lines.append((f"region {label}", ", ".join(parts)))
+    return [*lines, ("phase zero", _said_zeros(ds))]
 
 
 def _said_zeros(found: xr.Dataset) -> str:
@@ -301,6 +301,6 @@ def _said_zeros(found: xr.Dataset) -> str:
     return ", ".join(dict.fromkeys(f"{round(zero, 2) + 0:.2f} ± {error:.2f}" for zero, error in zeros)) + " degrees"
 
 
-def _sentences(found: xr.Dataset, name: str) -> list[tuple[str, str]]:
+def _sentences(ds: xr.Dataset, name: str) -> list[tuple[str, str]]:
     """Lines of an attribute of the findings, each with the attribute's name."""
-    return [(name, line) for line in str(found.attrs.get(name, "")).splitlines()]
+    return [(name, line) for line in str(ds.attrs.get(name, "")).splitlines()]

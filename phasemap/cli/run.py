@@ -241,11 +241,11 @@ def print_ensemble(ensemble: Ensemble) -> None:
     for key in ensemble.keys:
         values = [sample[key] for sample in ensemble.samples]
         if all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
-            said = f"{min(values):.6g} to {max(values):.6g}"
+            values_in_words = f"{min(values):.6g} to {max(values):.6g}"
         else:
             words = sorted({str(value) for value in values})
-            said = ", ".join(words) if len(words) <= FEW else f"{len(words)} values, such as {words[0]}"
-        print(f"varied      {key}: {said}")
+            values_in_words = ", ".join(words) if len(words) <= FEW else f"{len(words)} values, such as {words[0]}"
+        print(f"varied      {key}: {values_in_words}")
 
 
 @contextmanager

@@ -101,9 +101,9 @@ def sweep(arguments: argparse.Namespace) -> None:
     name, material = _material(setup, arguments.material)
     values = _axis_values(arguments, ends, points, material, setup.microscope)
     check_files(arguments)
-    found = _sweep_along_axis(arguments, values, material, setup)
-    found.attrs["title"] = f"{name} of {arguments.scene.name}"
-    conclude(arguments, found, "curve", said_of_sweep(found), started)
+    ds = _sweep_along_axis(arguments, values, material, setup)
+    ds.attrs["title"] = f"{name} of {arguments.scene.name}"
+    conclude(arguments, ds, "curve", said_of_sweep(ds), started)
 
 
 def _split_words(words: list[str], axis: str, points: int) -> tuple[tuple[float, float] | None, int, list[str]]:
@@ -115,8 +115,8 @@ def _split_words(words: list[str], axis: str, points: int) -> tuple[tuple[float,
         return (start, stop), int(count), overrides
     if len(ends) not in (0, 2):
         raise InputError("START STOP", " ".join(ends), "both of them or none, or START:STOP:N")
-    found = [_numbers("START or STOP", word, axis)[0] for word in ends]
-    return (found[0], found[1]) if found else None, points, overrides
+    given = [_numbers("START or STOP", word, axis)[0] for word in ends]
+    return (given[0], given[1]) if given else None, points, overrides
 
 
 def _numbers(name: str, text: str, axis: str) -> tuple[float, ...]:
@@ -210,41 +210,41 @@ def _offset_after_engaging(material: Material, scope: Microscope, setpoint: floa
     return height
 
 
-def said_of_sweep(found: xr.Dataset) -> list[str]:
+def said_of_sweep(ds: xr.Dataset) -> list[str]:
     """Findings of a sweep, as lines of a word and a sentence: folds, jumps, and missing orbits."""
     import numpy as np
 
     from phasemap.results.descriptions import titles
 
-    axis = str(found["status"].dims[1])
-    values, about = found[axis].values, found[axis].attrs
+    axis = str(ds["status"].dims[1])
+    values, about = ds[axis].values, ds[axis].attrs
     unit = readable(float(np.abs(values).max()), about["units"])
     digits = 2 + math.ceil(math.log10(np.abs(values).max() / np.ptp(values)) + 2)
-    held = json.loads(found.attrs["configuration"])
+    held = json.loads(ds.attrs["configuration"])
     still = {axis, *(["tip_offset"] if "tip_offset" in held else [])}
     still |= {"amplitude"} if "setpoint" in (axis, *held) else set()  # the feedback holds it, through jumps too
     shown = [name for name in ("amplitude", "tip_offset", "phase") if name not in still]
-    heads = ("title", "material", "microscope")[-len(titles(found)) :]
-    lines = [f"{word:<12}{line}" for word, line in zip(heads, titles(found), strict=True)]
+    heads = ("title", "material", "microscope")[-len(titles(ds)) :]
+    lines = [f"{word:<12}{line}" for word, line in zip(heads, titles(ds), strict=True)]
     ends = f"{unit.say(values[0], digits)} to {unit.say(values[-1], digits)}"
-    directions = [str(word) for word in found["direction"].values]
+    directions = [str(word) for word in ds["direction"].values]
     lines.append(f"swept       {about['long_name']} {ends}, {len(values)} values, {' and '.join(directions)}")
 
     def say(name: str, prefixes: list[str], i: int) -> str:
-        numbers = [float(found[prefix + name].values[i]) for prefix in prefixes]
-        unit = readable(float(np.nanmax(np.abs(numbers), initial=0.0)), found[prefixes[0] + name].attrs["units"])
+        numbers = [float(ds[prefix + name].values[i]) for prefix in prefixes]
+        unit = readable(float(np.nanmax(np.abs(numbers), initial=0.0)), ds[prefixes[0] + name].attrs["units"])
         words = dict.fromkeys(f"{number / unit.size:.4g}" for number in numbers)  # once, if it stays the same
         return f"{name.replace('_', ' ')} {' to '.join(words)} {unit.text}"
 
-    for i, x in enumerate(found[f"fold_{axis}"].values):
+    for i, x in enumerate(ds[f"fold_{axis}"].values):
         lines.append(f"fold        at {unit.say(x, digits)}: {', '.join(say(name, ['fold_'], i) for name in shown)}")
-    for i, x in enumerate(found[f"jump_{axis}"].values):
-        lands = bool(np.isfinite(found["jump_to_phase"].values[i]))
+    for i, x in enumerate(ds[f"jump_{axis}"].values):
+        lands = bool(np.isfinite(ds["jump_to_phase"].values[i]))
         ends = ", ".join(say(name, ["jump_from_", "jump_to_"] if lands else ["jump_from_"], i) for name in shown)
         ends += "" if lands else ", to no steady motion"
-        word = directions[int(found["jump_direction"].values[i])]
+        word = directions[int(ds["jump_direction"].values[i])]
         lines.append(f"jump        {word} at {unit.say(x, digits)}: {ends}")
-    return [*lines, *remarks(found, "points")]
+    return [*lines, *remarks(ds, "points")]
 
 
 MAPPED = "0.3:0.95:40"
@@ -294,9 +294,9 @@ def contrast(arguments: argparse.Namespace) -> None:
     check_files(arguments)
     first, second = (setup.materials[name] for name in names)
     with progress_bar(" points", arguments.quiet) as progress:
-        found = map_contrast(first, second, setup.microscope, **options, progress=progress)
-    found.attrs["title"] = f"{names[1]} minus {names[0]} of {arguments.scene.name}"
-    conclude(arguments, found, "contrast", said_of_contrast(found), started, **colours_of(arguments))
+        ds = map_contrast(first, second, setup.microscope, **options, progress=progress)
+    ds.attrs["title"] = f"{names[1]} minus {names[0]} of {arguments.scene.name}"
+    conclude(arguments, ds, "contrast", said_of_contrast(ds), started, **colours_of(arguments))
 
 
 def _names(setup: SceneSetup, text: str | None) -> tuple[str, str]:
@@ -321,34 +321,34 @@ def _values(option: str, text: str | None) -> Any:
     if text is None:
         return None
     allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
-    found = number_or_range(option, text, VALUES[option], allowed)
-    return found[0] if len(found) == 1 else np.linspace(found[0], found[1], int(found[2]))
+    numbers = number_or_range(option, text, VALUES[option], allowed)
+    return numbers[0] if len(numbers) == 1 else np.linspace(numbers[0], numbers[1], int(numbers[2]))
 
 
-def said_of_contrast(found: xr.Dataset) -> list[str]:
+def said_of_contrast(ds: xr.Dataset) -> list[str]:
     """Findings of a map of contrast, as lines of a word and a sentence."""
     import numpy as np
 
     from phasemap.results.descriptions import describe_flags
     from phasemap.sweeps.contrasts.pair import SEEN
 
-    names = [str(name) for name in found["material"].values]
+    names = [str(name) for name in ds["material"].values]
     lines = [f"contrast    {names[1]} minus {names[0]}"]
-    sizes = [f"{found.sizes[dim]} {NAMED[str(dim)]}" for dim in found["contrast"].dims]
+    sizes = [f"{ds.sizes[dim]} {NAMED[str(dim)]}" for dim in ds["contrast"].dims]
     lines.append(f"mapped      {' x '.join(sizes)}")
     for word, name, unit, size in (("phase", "contrast", "degrees", 1.0), ("height", "height_contrast", "nm", 1e-9)):
-        values = found[name].values[np.isfinite(found[name].values)] / size
+        values = ds[name].values[np.isfinite(ds[name].values)] / size
         ends = f"{values.min():.4g} to {values.max():.4g} {unit}" if values.size else "none found"
         lines.append(f"{word:<12}{ends}")
     for name in names:
-        lines.append(f"{'regimes':<12}{name}: {describe_flags(found['regime'].sel(material=name))}")
-    zeros, jumps = found["inversion_setpoint"].values, found["jump_setpoint"].values[found["jump_inverts"].values == 1]
+        lines.append(f"{'regimes':<12}{name}: {describe_flags(ds['regime'].sel(material=name))}")
+    zeros, jumps = ds["inversion_setpoint"].values, ds["jump_setpoint"].values[ds["jump_inverts"].values == 1]
     for what, places in (("zero", zeros), ("jump", jumps)):
         if len(places):
             at = f"{places.min():.4g}" + (f" to {places.max():.4g}" if len(places) > 1 else "")
             lines.append(f"inverts     by a {what} at setpoint {at}")
     if not len(zeros) and not len(jumps):
-        both = bool((found["contrast"] < 0).any() and (found["contrast"] > 0).any())  # below that it counts as none
+        both = bool((ds["contrast"] < 0).any() and (ds["contrast"] > 0).any())  # below that it counts as none
         lines.append("inverts     nowhere" + f" by more than {SEEN:g} degrees" * both)
-    reason = [f"reason      {found.attrs['reason']}"] if found.attrs["reason"] else []
-    return [*lines, *remarks(found, "points"), f"recommended {found.attrs['recommendation']}", *reason]
+    reason = [f"reason      {ds.attrs['reason']}"] if ds.attrs["reason"] else []
+    return [*lines, *remarks(ds, "points"), f"recommended {ds.attrs['recommendation']}", *reason]

@@ -56,8 +56,8 @@ def lines_of(found: xr.Dataset) -> list[tuple[str, str]]:
         share = 100 * value["region_share_of_variance"]
         for region in range(1, found.sizes["region"]):
             pixels, (a, b) = 100 * float(found["region_share"][region]), found["region_contrast"][:2, region].values
-            said = f"{a:+.3g}° against region 0, {second} {b:+.3g}°; {pixels:.0f} % of the pixels"
-            lines.append((f"region {region}", said))
+            sentence = f"{a:+.3g}° against region 0, {second} {b:+.3g}°; {pixels:.0f} % of the pixels"
+            lines.append((f"region {region}", sentence))
         lines.append(("regions", f"account for {share:.0f} % of the {first} variance"))
     for cause in found["cause"].values[: 2 if math.isfinite(found["crosstalk"][0, 1]) else 1]:
         shares = [100 * float(share) for share in found["crosstalk"].sel(cause=cause)]
@@ -74,20 +74,20 @@ def differences_of(found: xr.Dataset) -> str:
     """Name what differs between the images: regime, sign, zero, contrast, resolution."""
     first, second = names_of(found)
     held = found.attrs.get("offset_from", "fitted") != "fitted"
-    said = ["regime"] if held and _regimes(found) else []
+    differences = ["regime"] if held and _regimes(found) else []
     if float(found["sign"]) < 0 and found.attrs.get("sign_from", "fitted") == "fitted":
-        said.append("sign of the phase")
+        differences.append("sign of the phase")
     if held and apart(found):
-        said.append(f"zero, by {apart(found):+.3g}°")
+        differences.append(f"zero, by {apart(found):+.3g}°")
     for region in range(1, found.sizes["region"]):
         a, b = (float(one) for one in found["region_contrast"][:2, region])
         if not SIMILAR[0] * abs(a) < b * math.copysign(1.0, a) < SIMILAR[1] * abs(a) and max(abs(a), abs(b)) > NOTABLE:
-            said.append(f"contrast of region {region}, {first} {a:+.3g}° and {second} {b:+.3g}°")
+            differences.append(f"contrast of region {region}, {first} {a:+.3g}° and {second} {b:+.3g}°")
     fine = [_detail(found[name].values) for name in ("measured", "simulated")]
     if not 0.5 < fine[1] / fine[0] < 2.0:
-        said.append(f"resolution, details of {fine[0]:.2g} and {fine[1]:.2g} pixels")
+        differences.append(f"resolution, details of {fine[0]:.2g} and {fine[1]:.2g} pixels")
     same = "neither regime, sign, zero, contrast nor resolution" if held else "neither sign, contrast nor resolution"
-    return "; ".join(said) or same
+    return "; ".join(differences) or same
 
 
 def _detail(values: np.ndarray) -> float:
@@ -107,25 +107,27 @@ def verdict_of(found: xr.Dataset) -> str:
     explained = float(found["explained"])
     if not math.isfinite(explained):
         return f"The {first} phase does not vary: there is nothing to explain."
-    said = [f"The {second} image explains {100 * explained:.0f} % of the variance of the {first} phase."]
+    sentences = [f"The {second} image explains {100 * explained:.0f} % of the variance of the {first} phase."]
     if explained <= 0:
-        said = [f"The {second} image explains nothing of the {first} phase: the difference varies more than the phase."]
+        sentences = [
+            f"The {second} image explains nothing of the {first} phase: the difference varies more than the phase."
+        ]
     if found.sizes["region"] == 2 and float(found["region_contrast"][0, 1]):
         a, b = found["region_contrast"][:2, 1].values
-        said.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
+        sentences.append(f"It has {100 * b / a:.0f} % of the contrast between the regions.")
     if found.attrs.get("offset_from", "fitted") != "fitted":
-        said += [_apart(found), _regimes(found)]
+        sentences += [_apart(found), _regimes(found)]
     slope = float(found["crosstalk"].sel(map="measured", cause="slope"))
     if slope > MOSTLY:
-        said.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")
+        sentences.append(f"Slope alone explains {100 * slope:.0f} %: the {first} phase is mostly crosstalk.")
     causes = found["crosstalk"].sel(map="residual")
     both = float(causes.sel(cause="both"))
     what, share = (
         ("Slope and amplitude error explain", both) if math.isfinite(both) else ("Slope explains", float(causes[0]))
     )
     if share > WORTH_SAYING:
-        said.append(f"{what} {100 * share:.0f} % of what is left.")
-    return " ".join(filter(None, [turned(found), *said]))
+        sentences.append(f"{what} {100 * share:.0f} % of what is left.")
+    return " ".join(filter(None, [turned(found), *sentences]))
 
 
 def apart(found: xr.Dataset) -> float:
@@ -150,20 +152,20 @@ def _regimes(found: xr.Dataset) -> str:
     below = [float((found[name] < 0).where(known).mean()) for name in ("measured", "simulated")]
     if abs(below[0] - below[1]) <= MOSTLY:
         return ""
-    one, other = (
+    first_regime, second_regime = (
         f"{'attractive' if share > MOSTLY else 'repulsive'} in {100 * max(share, 1 - share):.0f} % of the pixels"
         for share in below
     )
     return (
-        f"The {first} phase is {one}, the {second} one {other}: bring the simulation into the same regime first, by "
-        "setpoint, free amplitude or adhesion."
+        f"The {first} phase is {first_regime}, the {second} one {second_regime}: bring the simulation into the same "
+        "regime first, by setpoint, free amplitude or adhesion."
     )
 
 
 def _alike(correlation: float, ssim: float) -> str:
     """Correlation and structural similarity, or why there are none."""
-    said = f"correlation {correlation:.3f}" if math.isfinite(correlation) else "no correlation, for one does not vary"
-    return said + (f", SSIM {ssim:.3f}" if math.isfinite(ssim) else ", no SSIM")
+    text = f"correlation {correlation:.3f}" if math.isfinite(correlation) else "no correlation, for one does not vary"
+    return text + (f", SSIM {ssim:.3f}" if math.isfinite(ssim) else ", no SSIM")
 
 
 def _shift(found: xr.Dataset) -> str:

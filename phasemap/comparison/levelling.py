@@ -67,9 +67,9 @@ def level(
         ("lines", lines, ("flag", "replace")),
     ):
         check_choice(name, choice, known)
-    there = tuple(channel for channel in ("height", "phase") if channel in getattr(image, "data_vars", ()))
+    channels = tuple(channel for channel in ("height", "phase") if channel in getattr(image, "data_vars", ()))
     for direction in image["direction"].values if "direction" in image.dims else [None]:
-        channels_of("the image", image, direction, there or ("height", "phase"))
+        channels_of("the image", image, direction, channels or ("height", "phase"))
     shape = image.sizes["y"], image.sizes["x"]
     allowed = "True or False for each pixel"
     masked = np.zeros(shape, bool) if mask is None else as_array("mask", mask, allowed)
@@ -80,7 +80,7 @@ def level(
     masked = masked.astype(bool)
     done = image.transpose(..., "y", "x").copy()
     flagged: Any = False
-    for name in there:
+    for name in channels:
         maps = done[name].values.reshape(-1, *shape)
         if name == "height":
             maps = np.stack([level_map(one, masked, rows=height == "rows") for one in maps])
@@ -95,7 +95,7 @@ def level(
                 maps = done[name].values.reshape(-1, *shape)
                 maps = np.stack([_replaced(one, rows) for one, rows in zip(maps, flagged, strict=True)])
                 done[name] = done[name].copy(data=maps.reshape(done[name].shape))
-    leading = done[there[0]].dims[:-2]
+    leading = done[channels[0]].dims[:-2]
     about = coded("line unlike both its neighbours", "no", "yes")
     done["outlier_line"] = (
         (*leading, "y"), flagged.astype(np.int8).reshape(*(done.sizes[dim] for dim in leading), shape[0]), about,

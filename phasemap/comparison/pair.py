@@ -73,11 +73,11 @@ def channels_of(name: str, ds: xr.Dataset, direction: str | None, needed: tuple[
     for dim in ("y", "x"):
         _check_places(name, ds, dim)
     if "direction" in ds.dims:
-        there = [str(one) for one in ds["direction"].values]
-        wanted = direction or ("trace" if "trace" in there else there[0])
-        if wanted not in there:
-            raise InputError(f"direction of {name}", wanted, " or ".join(there))
-        ds = ds.isel(direction=there.index(wanted))
+        directions = [str(one) for one in ds["direction"].values]
+        wanted = direction or ("trace" if "trace" in directions else directions[0])
+        if wanted not in directions:
+            raise InputError(f"direction of {name}", wanted, " or ".join(directions))
+        ds = ds.isel(direction=directions.index(wanted))
     elif direction is not None and direction != _direction(ds):
         known = _direction(ds) or "None, for the image has no directions"
         raise InputError(f"direction of {name}", direction, known)

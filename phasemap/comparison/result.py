@@ -132,22 +132,22 @@ def compare(
     frame = _frame(first["phase"].values[known], second["phase"].values[known], zero, wanted)
     maps = dict(zip(NAMES, (frame.of(first["phase"].values), second["phase"].values), strict=True))
     label = _regions(first, maps["measured"], known, regions)
-    found = _record(first, second, maps, known, label, registration)
+    result = _record(first, second, maps, known, label, registration)
     down, falls = first["y"].values, float(measured["y"][0]) > float(measured["y"][-1])
-    found = found.assign_coords(coordinates(tall - down if falls else down, first["x"].values))
-    found["offset"] = ((), frame.offset, {"long_name": "measured phase where the simulated is 0", **DEGREE})
-    found["sign"] = ((), frame.sign, {"long_name": "sign of the measured phase against the simulated", "units": "1"})
-    found["failed_lines"] = ((), int(failed[:, 0].sum()), {"long_name": "lines left out as outliers", "units": "1"})
-    found.attrs.update(provenance(_configuration(offset, sign, regions, limit, direction), "compared"))
-    found.attrs["registration"] = registration.reason
-    found.attrs["sign_from"] = sign_from
-    found.attrs["offset_from"] = "fitted" if zero is None else "recorded" if isinstance(offset, str) else "given"
+    result = result.assign_coords(coordinates(tall - down if falls else down, first["x"].values))
+    result["offset"] = ((), frame.offset, {"long_name": "measured phase where the simulated is 0", **DEGREE})
+    result["sign"] = ((), frame.sign, {"long_name": "sign of the measured phase against the simulated", "units": "1"})
+    result["failed_lines"] = ((), int(failed[:, 0].sum()), {"long_name": "lines left out as outliers", "units": "1"})
+    result.attrs.update(provenance(_configuration(offset, sign, regions, limit, direction), "compared"))
+    result.attrs["registration"] = registration.reason
+    result.attrs["sign_from"] = sign_from
+    result.attrs["offset_from"] = "fitted" if zero is None else "recorded" if isinstance(offset, str) else "given"
     for name, ds, called in zip(NAMES, (measured, simulated), names, strict=True):
-        found.attrs[f"{name}_name"] = called
+        result.attrs[f"{name}_name"] = called
         file = os.path.basename(ds.encoding.get("source", ""))
         if source := ds.attrs.get("title") or file or ds.attrs.get("source"):
-            found.attrs[f"{name}_source"] = str(source)
-    return found
+            result.attrs[f"{name}_source"] = str(source)
+    return result
 
 
 def _zero(offset: str | float, measured: xr.Dataset, simulated: xr.Dataset) -> tuple[float, float] | None:

@@ -75,6 +75,6 @@ def outlier_lines(values: Array) -> Array:
     usual = np.median(score)
     spread = 1.4826 * np.median(np.abs(score - usual))  # of a normal distribution
     low, high = np.nanpercentile(values, [16, 84])
-    found = np.zeros(len(values), bool)
-    found[1:-1] = (score > usual + STRIKING * spread) & (score > VISIBLE * (high - low) / 2)
-    return found
+    outliers = np.zeros(len(values), bool)
+    outliers[1:-1] = (score > usual + STRIKING * spread) & (score > VISIBLE * (high - low) / 2)
+    return outliers

@@ -107,20 +107,20 @@ def channels(
         raise InputError("the image", sorted(map(str, getattr(image, "data_vars", ()))), "a Dataset with phase")
     if sign is not None and not is_sign(sign):
         raise InputError("sign", sign, "1 or -1")
-    lever, said = _scope_and_settings(image, scope)
+    lever, settings = _scope_and_settings(image, scope)
     wanted = _chosen(names, image, lever)
-    phase, amplitude = _phase(image, lever, said, phase_zero, sign), _amplitude(image, lever, said, setpoint)
+    phase, amplitude = _phase(image, lever, settings, phase_zero, sign), _amplitude(image, lever, settings, setpoint)
     spread = _spread(image, uncertainty)
     data = dict(_derive(wanted, image, lever, amplitude, phase, spread))
     if "status" in image:
         data["status"] = image["status"]
-    found = image.drop_vars(list(image.data_vars)).assign(data)
+    derived = image.drop_vars(list(image.data_vars)).assign(data)
     asked = {"names": list(data), "sign": sign, "phase_zero": phase_zero, "setpoint": setpoint}
     configuration = {"channels": asked, "microscope": describe(lever)}
-    found.attrs = provenance(configuration, "channels derived")
+    derived.attrs = provenance(configuration, "channels derived")
     if source := image.attrs.get("title") or image.attrs.get("source"):
-        found.attrs["image_source"] = str(source)
-    return found
+        derived.attrs["image_source"] = str(source)
+    return derived
 
 
 def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -> list[Channel]:
@@ -144,33 +144,33 @@ def _chosen(names: Iterable[str] | None, image: xr.Dataset, scope: Microscope) -
 @unquestioned()  # who made the image was told then
 def _scope_and_settings(image: xr.Dataset, scope: Microscope | None) -> tuple[Microscope, dict[str, Any]]:
     """Microscope, as far as the formulas need it, and settings of the scan that the image states."""
-    said = settings_of_image(image)
+    settings = settings_of_image(image)
     if scope is not None:
-        return scope, said
-    if found := recorded_microscope(image.attrs):
-        return found[0], said
-    missing = [name for name in SETTINGS if name not in said]
+        return scope, settings
+    if recorded := recorded_microscope(image.attrs):
+        return recorded[0], settings
+    missing = [name for name in SETTINGS if name not in settings]
     if missing:
         hint = "Give scope=pm.Microscope(...)."
         raise InputError("what the image says of the scan", Word("without " + " and ".join(missing)), "all of it", hint)
-    stiffness, resonance, quality, free = (number(name, said[name], "", above=0) for name in SETTINGS)
-    excitation = "base" if said.get("detected") == DETECTED["base"] else "direct"
-    drive = Drive(free, said.get("drive_frequency", resonance), excitation)
+    stiffness, resonance, quality, free = (number(name, settings[name], "", above=0) for name in SETTINGS)
+    excitation = "base" if settings.get("detected") == DETECTED["base"] else "direct"
+    drive = Drive(free, settings.get("drive_frequency", resonance), excitation)
     scope = Microscope(Cantilever(stiffness, resonance, quality), Tip(ANY_RADIUS), drive)
     at_resonance = free * free / scope.driven_amplitude
-    return replace(scope, drive=replace(drive, free_amplitude=at_resonance)), said
+    return replace(scope, drive=replace(drive, free_amplitude=at_resonance)), settings
 
 
 def counted_from(image: xr.Dataset) -> float:
     """Recorded phase where a simulated one is 0 [degree]; NaN of an image that does not say what it was in free air."""
-    said = settings_of_image(image)
-    if "phase_zero" not in said:
+    settings = settings_of_image(image)
+    if "phase_zero" not in settings:
         return math.nan
     try:
         free = _scope_and_settings(image, None)[0].free_phase
     except InputError:
         free = 0.0  # of a lever that is not said to be driven beside its resonance
-    return float(said["phase_zero"]) - recorded_sign(said) * free
+    return float(settings["phase_zero"]) - recorded_sign(settings) * free
 
 
 def lag_of(image: xr.Dataset) -> xr.DataArray:
@@ -182,20 +182,20 @@ def lag_of(image: xr.Dataset) -> xr.DataArray:
 
 def as_lag(image: xr.Dataset) -> xr.Dataset:
     """The image with its lag in place of the phase, and what its attributes then say of zero and sign."""
-    found, counted, said = image.assign(phase=lag_of(image)), counted_from(image), settings_of_image(image)
-    found.attrs["phase_sign"] = -1
+    lag, counted, settings = image.assign(phase=lag_of(image)), counted_from(image), settings_of_image(image)
+    lag.attrs["phase_sign"] = -1
     if math.isfinite(counted):
-        found.attrs["phase_zero"] = 90.0 - recorded_sign(said) * (float(said["phase_zero"]) - counted)
-    return found
+        lag.attrs["phase_zero"] = 90.0 - recorded_sign(settings) * (float(settings["phase_zero"]) - counted)
+    return lag
 
 
 def _phase(
-    image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], zero: Scalar | None, sign: int | None
+    image: xr.Dataset, scope: Microscope, settings: Mapping[str, Any], zero: Scalar | None, sign: int | None
 ) -> xr.DataArray:
     """The phase [degree], 0 at free resonance, positive repulsive."""
-    sign = recorded_sign(said) if sign is None else sign
+    sign = recorded_sign(settings) if sign is None else sign
     free = scope.free_phase
-    recorded = said.get("phase_zero") if zero is None else number("phase_zero", zero, "degree")
+    recorded = settings.get("phase_zero") if zero is None else number("phase_zero", zero, "degree")
     if recorded is None:
         hint = "Give the phase that was recorded of the free lever, phase_zero=..., or the scope's."
         raise InputError("phase_zero", None, "a number of degrees", hint)
@@ -204,15 +204,17 @@ def _phase(
     return sign * (image["phase"] - recorded) + free
 
 
-def _amplitude(image: xr.Dataset, scope: Microscope, said: Mapping[str, Any], setpoint: Scalar | None) -> xr.DataArray:
+def _amplitude(
+    image: xr.Dataset, scope: Microscope, settings: Mapping[str, Any], setpoint: Scalar | None
+) -> xr.DataArray:
     """The amplitude that the detector shows [m]."""
     if setpoint is None and "amplitude" in image:
         if (units := image["amplitude"].attrs.get("units", "m")) != "m":
             raise InputError("units of amplitude", units, "m", "Give setpoint=..., which stands for the amplitude.")
         return image["amplitude"]
-    held = said.get("setpoint_amplitude") if setpoint is None else None
+    held = settings.get("setpoint_amplitude") if setpoint is None else None
     if held is None:
-        ratio = said.get("setpoint") if setpoint is None else setpoint
+        ratio = settings.get("setpoint") if setpoint is None else setpoint
         if ratio is None:
             raise InputError("setpoint", None, "a number between 0 and 1", "The image has no amplitude.")
         held = number("setpoint", ratio, "1", above=0, below=1) * scope.driven_amplitude
@@ -260,10 +262,10 @@ def _apply(
     def channel_of_motion(size: Array, angle: Array, *integrals: Array) -> Array:
         return np.asarray(channel.value(motion_seen(scope, size, angle, dict(zip(orbit, integrals, strict=True)))))
 
-    found: xr.DataArray = xr.apply_ufunc(
+    values: xr.DataArray = xr.apply_ufunc(
         channel_of_motion, amplitude, phase, *orbit.values(), dask="parallelized", output_dtypes=[np.float64]
     )
-    return found
+    return values
 
 
 def _deviation(

@@ -106,12 +106,12 @@ def lines_of(first: PointMotion, second: PointMotion, counted: Convention = PHAS
         compared = "" if first.name == second.name else ", so that the two cannot be compared"
         return [f"{one.name} has no orbit here{compared}. {one.advice}" for one in unsolved]
     if first.name == second.name:
-        said = [_alone(first, counted)]
+        sentences = [_alone(first, counted)]
     elif first.stiffens != second.stiffens:
-        said = _explain_two_signs(first, second, counted)
+        sentences = _explain_two_signs(first, second, counted)
     else:
-        said = _explain_one_sign(first, second, counted)
-    return said + [line for one in dict.fromkeys((first, second)) for line in _warnings(one)]
+        sentences = _explain_one_sign(first, second, counted)
+    return sentences + [line for one in dict.fromkeys((first, second)) for line in _warnings(one)]
 
 
 def _explain_one_sign(first: PointMotion, second: PointMotion, counted: Convention) -> list[str]:
@@ -161,13 +161,13 @@ def _explain_two_signs(first: PointMotion, second: PointMotion, counted: Convent
     ]
 
 
-def _alone(one: PointMotion, counted: Convention) -> str:
+def _alone(motion: PointMotion, counted: Convention) -> str:
     """Sentences on the phase of a single material."""
-    phase = one.phase if counted is PHASE else 90 - one.phase
+    phase = motion.phase if counted is PHASE else 90 - motion.phase
     return (
-        f"{one.name} has the {counted.name} {phase:.3g}{DEGREES}: {counted.cosine} is the energy lost, "
-        f"{_shown(one.lost)} eV per cycle in contact and {_shown(one.air)} in air, over the {_shown(one.most)} that "
-        "the drive can give."
+        f"{motion.name} has the {counted.name} {phase:.3g}{DEGREES}: {counted.cosine} is the energy lost, "
+        f"{_shown(motion.lost)} eV per cycle in contact and {_shown(motion.air)} in air, over the "
+        f"{_shown(motion.most)} that the drive can give."
     )
 
 
@@ -178,20 +178,20 @@ def _compared(first: PointMotion, second: PointMotion, counted: Convention) -> s
     return f"{second.name} is {abs(contrast):.3g}{DEGREES} {word} than {first.name}"
 
 
-def _warnings(one: PointMotion) -> list[str]:
+def _warnings(motion: PointMotion) -> list[str]:
     """Further sentences on a material: warnings."""
-    said = []
-    if one.bistable:
-        other = "repulsive" if one.regime == "attractive" else "attractive"
-        said.append(
-            f"{one.name} is bistable: the controller can hold this setpoint in the {other} regime too, so that a scan "
-            "may jump there."
+    sentences = []
+    if motion.bistable:
+        other = "repulsive" if motion.regime == "attractive" else "attractive"
+        sentences.append(
+            f"{motion.name} is bistable: the controller can hold this setpoint in the {other} regime too, so that a "
+            "scan may jump there."
         )
-    if one.motion == "irregular":
-        said.append(f"The motion on {one.name} is not periodic: amplitude and phase are means.")
-    if one.second:
-        said.append(f"On {one.name} {one.second}.")
-    return said
+    if motion.motion == "irregular":
+        sentences.append(f"The motion on {motion.name} is not periodic: amplitude and phase are means.")
+    if motion.second:
+        sentences.append(f"On {motion.name} {motion.second}.")
+    return sentences
 
 
 def _shown(energy: float) -> str:

@@ -210,15 +210,15 @@ def is_derived(name: str) -> bool:
 
 def needs_of(names: Iterable[str]) -> tuple[str, ...]:
     """Variables that these need, themselves where they are no channels."""
-    found: dict[str, None] = {}
+    needs: dict[str, None] = {}
     for name in names:
         if not is_derived(name):
-            found[name] = None
+            needs[name] = None
             continue
         channel = CHANNELS[name]
         needed = ("phase", "amplitude", *channel.needs, channel.of_orbit)
-        found.update(dict.fromkeys(one for one in needed if one))
-    return tuple(found)
+        needs.update(dict.fromkeys(one for one in needed if one))
+    return tuple(needs)
 
 
 def channel_attributes(channel: Channel, from_orbit: bool) -> dict[str, str]:

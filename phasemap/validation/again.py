@@ -64,13 +64,13 @@ class Again:
         return np.asarray(np.fmax(self.at(self.picture.spread(name)), self.values[f"{name}_spread"]))
 
     def judged(
-        self, about: str, bad: NDArray[np.bool_], by: NDArray[Any], looked_at: NDArray[np.bool_], found: str
+        self, about: str, bad: NDArray[np.bool_], by: NDArray[Any], looked_at: NDArray[np.bool_], text: str
     ) -> Claim:
         """`phasemap.validation.picture.judged`, of arrays of shape (n,)."""
         values = np.zeros((3, int(np.prod(self.picture.shape))))
         values[:, self.pixels] = bad, by, looked_at
         wrong, worst, those = values.reshape(3, *self.picture.shape)
-        return judged(about, self.picture, wrong > 0, worst, those > 0, found)
+        return judged(about, self.picture, wrong > 0, worst, those > 0, text)
 
 
 @dataclass(frozen=True)
@@ -107,15 +107,15 @@ def solve_again(
         report = after(progress, done, len(pixels))
         at: tuple[NDArray[np.intp], ...]
         if carries:
-            found = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
-            at = _slots(picture, pixels[part.pixels], part.numbers, found.orbits), part.numbers
-            solved, codes, by = found.rows, found.status, found.solver
+            branches = stable_branches(part.work, solver, claims.accuracy, workers_of(threads), report)
+            at = _slots(picture, pixels[part.pixels], part.numbers, branches.orbits), part.numbers
+            solved, codes, by = branches.rows, branches.status, branches.solver
         else:
             solved, codes, by = run(solver, part.work, claims.accuracy, threads=threads, progress=report)
             at = (part.numbers,)
-        some = values_of(IMAGE_VARIABLES, solved, codes, by, claims.microscope)
+        variables = values_of(IMAGE_VARIABLES, solved, codes, by, claims.microscope)
         for name in IMAGE_VARIABLES:
-            values[name][part.pixels] = some[name][at]
+            values[name][part.pixels] = variables[name][at]
         materials, done = materials + len(part.work), done + len(part.pixels)
     if surface.topography is not None:
         relief = surface.topography.reshape(-1)[pixels % surface.topography.size]
@@ -137,9 +137,9 @@ def _parts(picture: Picture, surface: Surface, pixels: Indices) -> list[_Part]:
     line = pixels % size // surface.shape[1]
     parts = []
     for rows, scope in scopes_by_row(claims.realism, microscope, surface.shape[0]):
-        some = np.flatnonzero((line >= rows.start) & (line < rows.stop))
-        if len(some):
-            parts.append(_Part(some, *_work(surface, pixels[some] % size, scope, claims.amplitude)))
+        chosen = np.flatnonzero((line >= rows.start) & (line < rows.stop))
+        if len(chosen):
+            parts.append(_Part(chosen, *_work(surface, pixels[chosen] % size, scope, claims.amplitude)))
     return parts
 
 

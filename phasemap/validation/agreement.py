@@ -141,11 +141,11 @@ def _status(again: Again, decided: Mask, by: str) -> Claim:
 
 def _motion(again: Again, both: Mask) -> Claim:
     """Claim that the motion is periodic where the image says so; one that hardly spreads may be called either."""
-    claimed, found = again.at(again.picture.irregular), again.values["motion"] == 1
+    claimed, irregular = again.at(again.picture.irregular), again.values["motion"] == 1
     phase, amplitude = again.spread("phase"), again.spread("amplitude")
-    bad = (claimed != found) & ((phase > IRREGULAR[0]) | (amplitude > IRREGULAR[1]))
-    said = f"irregular in {pixels_in_words(int(np.count_nonzero(both & found)))}"
-    return again.judged("solved again: the same motion", bad, phase, both, said)
+    bad = (claimed != irregular) & ((phase > IRREGULAR[0]) | (amplitude > IRREGULAR[1]))
+    text = f"irregular in {pixels_in_words(int(np.count_nonzero(both & irregular)))}"
+    return again.judged("solved again: the same motion", bad, phase, both, text)
 
 
 def _branch(again: Again, both: Mask, same: Mask) -> Claim:
@@ -164,22 +164,22 @@ def _agreement(again: Again, name: str, quantity: _Quantity, both: Mask) -> Clai
     known = both & ~np.isnan(largest)
     if not known.any():
         why = "first-order averaging states no error" if both.any() else "there is no pixel to compare"
-        found = f"apart by up to {scale * apart[both].max():.2g}{unit}; " if both.any() else ""
-        return Claim(about, OPEN, int(both.sum()), found + why)
+        text = f"apart by up to {scale * apart[both].max():.2g}{unit}; " if both.any() else ""
+        return Claim(about, OPEN, int(both.sum()), text + why)
     share = np.where(known, np.nan_to_num(apart / largest, nan=np.inf), -1.0)
     worst = int(np.argmax(share))
-    found = f"apart by up to {scale * apart[known].max():.2g}{unit}"
-    found += f"; worst {scale * apart[worst]:.2g} of {scale * largest[worst]:.2g} allowed"
-    return again.judged(about, ~(apart <= largest), share, known, found)
+    text = f"apart by up to {scale * apart[known].max():.2g}{unit}"
+    text += f"; worst {scale * apart[worst]:.2g} of {scale * largest[worst]:.2g} allowed"
+    return again.judged(about, ~(apart <= largest), share, known, text)
 
 
 def _quantities(again: Again) -> dict[str, _Quantity]:
     """Values of `QUANTITIES` in the image and found again; errors of both and the quantisation are allowed."""
-    picture, values, said = again.picture, again.values, _stated(again)
+    picture, values, in_image = again.picture, again.values, _stated(again)
     stated = StatedErrors(values["error_phase"], values["error_height"] + 1e-15 * np.abs(values["height"]))
     made = again.raw("solver") if "solver" in picture else np.full(len(again.pixels), col.AVERAGING)
     approximate = np.isin(made, (col.AVERAGING, col.INTERPOLATED))
-    largest = _allowed(again, StatedErrors(said.phase + stated.phase, said.height + stated.height), approximate)
+    largest = _allowed(again, StatedErrors(in_image.phase + stated.phase, in_image.height + stated.height), approximate)
     names = filter(picture.__contains__, QUANTITIES)
     return {name: _Quantity(again.claimed(name), values[name], largest[name]) for name in names}
 
@@ -208,26 +208,26 @@ def repeat(again: Again) -> tuple[Claim, NDArray[np.intp]]:
     made, here = str(picture.image.attrs.get("phasemap_version")), provenance({}, "")["phasemap_version"]
     known = all_variables_of(picture.claims.control)
     if changes(picture.claims.realism):  # channels are derived of what was recorded, not of what the tip did
-        values = {name: found for name, found in values.items() if name in known}
+        values = {name: value for name, value in values.items() if name in known}
     values = values | (recorded := _recorded(picture, known))
     names = [str(name) for name in picture.image.data_vars if name in values]
     largest = _largest(again, SHARE if made == here else BOTH)
-    largest |= {name: SAME_FORMULA * np.abs(found) for name, found in recorded.items()}
+    largest |= {name: SAME_FORMULA * np.abs(derived) for name, derived in recorded.items()}
     share, differ = np.zeros(len(again.pixels)), []
     for name in names:
         off = _over_allowed(name, again.claimed(name), values[name], largest)
         share = np.maximum(share, off)
         if (off > 1).any():
             differ.append(name)
-    found = f"{len(names)} variables of {again.materials} materials, by {picture.claims.solver!r}"
+    text = f"{len(names)} variables of {again.materials} materials, by {picture.claims.solver!r}"
     about = "solved again by the same solver: the same"
-    claim = again.judged(about, share > 1, share, np.ones(len(share), bool), found)
+    claim = again.judged(about, share > 1, share, np.ones(len(share), bool), text)
     if differ:
         more = f" and {len(differ) - NAMED} more" if len(differ) > NAMED else ""
         claim = replace(claim, found=f"{', '.join(differ[:NAMED])}{more} {claim.found}")
     if differ and made != here:
-        found = f"made by phasemap {made[:20]}, and this is {here}: {claim.found}"
-        claim = replace(claim, result=OPEN, found=found, worst=())
+        text = f"made by phasemap {made[:20]}, and this is {here}: {claim.found}"
+        claim = replace(claim, result=OPEN, found=text, worst=())
     order = np.argsort(-share, kind="stable")
     return claim, again.pixels[order[share[order] > 1]]
 
@@ -239,23 +239,23 @@ def _recorded(picture: Picture, own: Collection[str]) -> dict[str, Array]:
     always = {"amplitude", "phase"} if picture.claims.control.in_time else {"phase"}  # at rest the setpoint will do
     needs = {name: {*always, *one.needs, one.of_orbit} for name, one in others.items()}
     made = [name for name in others if needs[name] & {*own} <= set(image.data_vars)]
-    found = channels(image, made, scope=picture.claims.microscope) if made else {}
-    return {name: found[name].values.reshape(-1) for name in made}
+    derived = channels(image, made, scope=picture.claims.microscope) if made else {}
+    return {name: derived[name].values.reshape(-1) for name in made}
 
 
-def _over_allowed(name: str, claimed: Array, found: Array, largest: dict[str, Array]) -> Array:
+def _over_allowed(name: str, claimed: Array, again: Array, largest: dict[str, Array]) -> Array:
     """Difference of values over the allowed one: infinite where only one of them is a number."""
     if name in FLAGS:
-        return np.where(claimed == found, 0.0, np.inf)
+        return np.where(claimed == again, 0.0, np.inf)
     if name.startswith("error_"):
-        same = (claimed >= found / FACTOR) & (claimed <= found * FACTOR)
+        same = (claimed >= again / FACTOR) & (claimed <= again * FACTOR)
         off = np.where(same, 0.0, np.inf)
     else:
-        usual = np.nanmedian(np.abs(found)) if np.isfinite(found).any() else 0.0
-        limit = largest[name] if name in largest else OTHERWISE * (np.abs(found) + usual)
+        usual = np.nanmedian(np.abs(again)) if np.isfinite(again).any() else 0.0
+        limit = largest[name] if name in largest else OTHERWISE * (np.abs(again) + usual)
         # Nothing is allowed for where an error is not known.
-        off = np.where(np.isnan(limit) | (claimed == found), 0.0, np.abs(claimed - found) / limit)
-    both = np.isnan(claimed) & np.isnan(found)
+        off = np.where(np.isnan(limit) | (claimed == again), 0.0, np.abs(claimed - again) / limit)
+    both = np.isnan(claimed) & np.isnan(again)
     return np.asarray(np.where(both, 0.0, np.nan_to_num(off, nan=np.inf)))
 
 

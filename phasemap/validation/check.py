@@ -129,14 +129,14 @@ def check(
     judges = np.union1d(drawn, differ[: len(drawn)])
     other, by = _independent_solver(claims, surface)
     again = solve_again(picture, surface, judges, other, threads, after(progress, every, total))
-    found, sampled = compare(again, by)
+    compared, sampled = compare(again, by)
     differs = f"{len(differ) or 'none'} {'differs' if len(differ) < 2 else 'differ'}"
     judged = (
         f"Every pixel was solved again as it was made ({made.materials} different materials): {differs}. "
         f"{pixels_in_words(len(judges))}, some of every kind and those that differ most, also {by}. An error of the "
         "solver itself would show only there."
     )
-    return Check((*everywhere, repeated, *found), sampled, judged, unseen)
+    return Check((*everywhere, repeated, *compared), sampled, judged, unseen)
 
 
 def _independent_solver(claims: Claims, surface: Surface) -> tuple[Solver, str]:

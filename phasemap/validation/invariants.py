@@ -80,8 +80,8 @@ def _wrong_coordinates(image: xr.Dataset, claims: Claims) -> Iterator[str]:
 def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
     """Sentences on a variable whose flags are not as agreed."""
     _, values, meanings = FLAGS[name]
-    said = np.atleast_1d(variable.attrs.get("flag_values", ()))
-    if said.tolist() != list(values) or not _has_attribute(variable, "flag_meanings", " ".join(meanings)):
+    stated = np.atleast_1d(variable.attrs.get("flag_values", ()))
+    if stated.tolist() != list(values) or not _has_attribute(variable, "flag_meanings", " ".join(meanings)):
         yield f"the flags of {name} have other values or meanings"
     elif variable.dtype.kind not in "iu" or not np.isin(variable.values, values).all():
         yield f"{name} has values that are none of its flags"
@@ -89,8 +89,8 @@ def _wrong_flags(name: str, variable: xr.DataArray) -> Iterator[str]:
 
 def _has_attribute(variable: xr.DataArray, name: str, text: str) -> bool:
     """True if an attribute is this text: it may be an array, too."""
-    said = variable.attrs.get(name)
-    return isinstance(said, str) and said == text
+    stated = variable.attrs.get(name)
+    return isinstance(stated, str) and stated == text
 
 
 def _from_the_corner(places: xr.DataArray) -> NDArray[Any]:

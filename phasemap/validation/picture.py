@@ -157,8 +157,8 @@ class Check:
         if failed:
             return f"{len(failed)} of {len(self.claims)} claims FAIL. Do not trust this file."
         left = sum(claim.result == OPEN for claim in self.claims)
-        said = f"{len(self.claims) - left} claims hold, none fails"
-        return said + (f"; {left} could not be judged." if left else ".")
+        sentence = f"{len(self.claims) - left} claims hold, none fails"
+        return sentence + (f"; {left} could not be judged." if left else ".")
 
     def __repr__(self) -> str:
         return f"Check({self.verdict})"
@@ -167,12 +167,12 @@ class Check:
         """Table of the claims and their results, and the verdict."""
         lines = [LAYOUT.format("claim", "result", "pixels") + "what was found"]
         for claim in self.claims:
-            found = textwrap.wrap(claim.found, WIDTH) or [""]
+            texts = textwrap.wrap(claim.found, WIDTH) or [""]
             about = textwrap.wrap(claim.about, 46)
-            for i in range(max(len(found), len(about))):
+            for i in range(max(len(texts), len(about))):
                 first = (claim.result, claim.pixels or "") if i == 0 else ("", "")
-                said = LAYOUT.format(about[i] if i < len(about) else "", *first)
-                lines.append((said + (found[i] if i < len(found) else "")).rstrip())
+                columns = LAYOUT.format(about[i] if i < len(about) else "", *first)
+                lines.append((columns + (texts[i] if i < len(texts) else "")).rstrip())
         below = {"judged": self.judged, "unseen": self.unseen, "verdict": self.verdict}
         for word, text in below.items():
             if text:
@@ -180,21 +180,21 @@ class Check:
         return "\n".join(lines)
 
 
-def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, found: str) -> Claim:
+def judged(about: str, picture: Picture, bad: np.ndarray, by: np.ndarray, looked_at: np.ndarray, text: str) -> Claim:
     """The claim that no pixel is bad, shape (directions, ny, nx); not judged where there is none to look at.
 
-    `by`: how bad each is; the worst are named. `found`: what there is to say where it holds.
+    `by`: how bad each is; the worst are named. `text`: what there is to say where it holds.
     """
     pixels, bad = int(np.count_nonzero(looked_at)), bad & looked_at
     count = int(np.count_nonzero(bad))
     if not pixels:
         return Claim(about, OPEN, 0, "there is no such pixel")
     if not count:
-        return Claim(about, HOLDS, pixels, found)
+        return Claim(about, HOLDS, pixels, text)
     at = np.flatnonzero(bad)
     how = np.nan_to_num(by.reshape(-1)[at].astype(np.float64), nan=np.inf)
-    some = at[np.argsort(-how, kind="stable")[:SHOWN]]
-    worst = tuple((int(d), int(y), int(x)) for d, y, x in zip(*np.unravel_index(some, bad.shape), strict=True))
+    worst_places = at[np.argsort(-how, kind="stable")[:SHOWN]]
+    worst = tuple((int(d), int(y), int(x)) for d, y, x in zip(*np.unravel_index(worst_places, bad.shape), strict=True))
     return Claim(about, FAILS, pixels, f"in {pixels_in_words(count)}, at worst at {picture.places(worst)}", worst)
 
 
