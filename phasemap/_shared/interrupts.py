@@ -75,9 +75,9 @@ def interruptible(task: Callable[[], T], limit: float | None = None) -> T:
     return done[0]
 
 
-def stopped(said: str = "") -> int:
+def stopped(state: str = "") -> int:
     """Say on stderr what stopped the command and what is left of it; returns the exit code, as shells have it."""
-    print(f"phasemap: {STOPPING[_stopped_by]}; {said or 'nothing was written'}.", file=sys.stderr, flush=True)
+    print(f"phasemap: {STOPPING[_stopped_by]}; {state or 'nothing was written'}.", file=sys.stderr, flush=True)
     return 128 + _stopped_by
 
 

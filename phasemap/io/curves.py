@@ -67,10 +67,10 @@ def read_curve(
     if not os.path.isfile(path):  # nor is a name that is no name
         raise FileError(f"cannot read {path}: {'it is a folder' if os.path.isdir(path) else 'there is no such file'}.")
     told, kind = dict[str, str](), path.suffix.lower()
-    one = kind in NETCDF or kind == ".ibw"
-    if one and number:
+    holds_one = kind in NETCDF or kind == ".ibw"
+    if holds_one and number:
         raise InputError("number", number, f"0, for {path.name} holds one curve")
-    if columns is not None and (one or kind in ARCHIVES or is_nanoscope(path)):
+    if columns is not None and (holds_one or kind in ARCHIVES or is_nanoscope(path)):
         raise InputError("columns", columns, f"None, for {path.name} is no text")
     if kind in NETCDF:
         parts, scan, told = _curve_of_sweep(path)

@@ -191,10 +191,10 @@ def _dataset(again: Again, quantities: dict[str, _Quantity]) -> xr.Dataset:
     flags = flag_attributes("status")
     data["status"] = "pixel", again.raw("status"), flags
     data["status_again"] = "pixel", again.status, {**flags, "long_name": "status of the other solution"}
-    for name, (claimed, found, largest) in quantities.items():
+    for name, (claimed, again_value, largest) in quantities.items():
         units = {"units": FLOATS[name].units}
         data[name] = "pixel", claimed, {"long_name": f"{name} of the image", **units}
-        data[f"{name}_again"] = "pixel", found, {"long_name": f"{name} by another solver", **units}
+        data[f"{name}_again"] = "pixel", again_value, {"long_name": f"{name} by another solver", **units}
         data[f"{name}_allowed"] = "pixel", largest, {"long_name": "largest difference that was allowed", **units}
     return xr.Dataset(data)
 
