@@ -383,3 +383,10 @@ def test_each_row_of_a_sweep_in_time_is_seen_by_its_own_lever():
         here = found.sel(free_amplitude=value)
         np.testing.assert_allclose(here.phase, pixel.phase, atol=2e-3)  # as `march` states of itself at low Q
         np.testing.assert_allclose(here.amplitude, pixel.amplitude, rtol=1e-5)
+
+
+def test_the_step_that_closes_a_curve_is_searched_too() -> None:
+    scope = pm.Microscope(pm.Cantilever(20.0, 300e3, 400.0), pm.Tip(10e-9), pm.Drive(5e-9, frequency=299633.0))
+    for offset in (0.4e-9, 1.4e-9, 1.6e-9, 1.9e-9):  # where an attractive curve, which is closed, was begun or not
+        found = pm.orbits(pm.Material(5e9, 0.02, 0.01), scope, tip_offset=offset)
+        assert found.stable.values.tolist() == [1, 0, 1] and found.attrs["complete"] == 1

@@ -41,12 +41,14 @@ from phasemap.experiment.lever import rows_as_seen, sees_tip
 
 PERIODS = 40.0  # of ring-down times Q / pi that a landing may take
 ROOM = 6000  # rows of one piece
+CLOSING = 24  # rows in which the step that closes a piece, twice the one before at most, is gone through
 MOST_KEPT = 8  # orbits of one value on one piece
 SAME = 1e-5  # of the amplitude: orbits as near are the same
 NEAR, NEAR_PUSH = 0.03, 0.1  # of the amplitude and the base amplitude: averaging may be off by so much
 MOST_PIECES = 12
 BESIDE, SETTLED = 1e-5, 1e-6  # of the free amplitude: how far past an end a tip is let go, and how it settles
 FARTHER = (1.0, 1e3, 1e4)  # times BESIDE: beside an orbit whose neck hardly breaks, those that keep it may begin later
+MARKS = (col.WANTED, col.FOLD, col.TURN)
 COLUMN_OF = {ENTRY_Z0: col.TIP_OFFSET, ENTRY_A: col.AMPLITUDE, ENTRY_M: col.PARAMETER, ENTRY_SEEN: col.SEEN}
 
 
@@ -111,6 +113,7 @@ class Curves:
         """True if a piece has as many orbits at each value wanted as its other rows pass it."""
         wanted = piece.rows[:, col.KIND] == col.WANTED
         number, x = piece.rows[wanted, col.INDEX], piece.rows[~wanted, COLUMN_OF[self.index]]
+        x = np.append(x, x[:1]) if piece.ended == PIECE_CLOSED else x
         crossings = [np.count_nonzero((x[1:] > value) != (x[:-1] > value)) for value in self.wanted]
         return all(np.count_nonzero(number == k) >= count for k, count in enumerate(crossings))
 
@@ -258,29 +261,14 @@ class Curves:
         """Follow the piece through an orbit in each sense (1 or -1), and add it unless it is known."""
         start = new_orbit_like(orbit)
         copy_orbit(orbit, start)
-        tolerance = CURVE_TOLERANCE * float(tolerance_of(self.oscillator_at(float(head_of(orbit).parameter))))
-        asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
-        room = MOST_KEPT if len(self.wanted) == 1 else 0
-        shapes = orbit.elements.shape, orbit.head.shape[1:], orbit.modes.shape
         halves: list[Piece] = []
         for sense in senses:
-            check_stopped()
-            rows, traces = np.zeros((ROOM, col.FULL)), np.zeros((ROOM, 2, self.samples))
-            kept = KeptOrbits(*(np.zeros((room, *shape)) for shape in shapes))
-            point = Point()
-            copy_orbit(start, orbit)
-            if not mark_start(self.path, orbit, sense, point):
+            half = self._half(start, sense, ROOM)
+            if half is None:
                 continue
-            ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
-            orbits = [
-                orbit._replace(elements=kept.elements[i], head=kept.heads[i : i + 1], modes=kept.modes[i])
-                for i in range(len(kept.heads)) if kept.heads[i].any()
-            ]  # fmt: skip
-            rows = rows[:count].copy()
-            marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
-            rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
-            halves.append(Piece(rows, traces[:count].copy(), orbits, ended))
-            if ended == PIECE_CLOSED:
+            halves.append(half)
+            if half.ended == PIECE_CLOSED:
+                halves[-1] = self._with_closing_step(half, start, -sense)
                 break
         if len(halves) == 2:  # the first was followed the other way
             first, second = halves
@@ -290,6 +278,42 @@ class Curves:
         for piece in halves:
             if not any(self._repeats(piece, other) for other in self.pieces):
                 self.pieces.append(piece)
+
+    def _half(self, start: Orbit, sense: float, room: int) -> Piece | None:
+        """The piece from an orbit in one sense, with room for so many rows; None if it cannot be begun."""
+        tolerance = CURVE_TOLERANCE * float(tolerance_of(self.oscillator_at(float(head_of(start).parameter))))
+        asked = Asked(self.index, self.wanted, self.box, tolerance, self.level)
+        most = MOST_KEPT if len(self.wanted) == 1 else 0
+        check_stopped()
+        rows, traces = np.zeros((room, col.FULL)), np.zeros((room, 2, self.samples))
+        shapes = start.elements.shape, start.head.shape[1:], start.modes.shape
+        kept = KeptOrbits(*(np.zeros((most, *shape)) for shape in shapes))
+        orbit, point = new_orbit_like(start), Point()
+        copy_orbit(start, orbit)
+        if not mark_start(self.path, orbit, sense, point):
+            return None
+        ended, count = follow_piece(self.path, asked, orbit, point, Made(rows, traces, kept))
+        orbits = [
+            orbit._replace(elements=kept.elements[i], head=kept.heads[i : i + 1], modes=kept.modes[i])
+            for i in range(len(kept.heads)) if kept.heads[i].any()
+        ]  # fmt: skip
+        rows = rows[:count].copy()
+        marked = rows[:, col.KIND] == col.WANTED  # at these values to the last bit, for a sweep may end at one
+        rows[marked, COLUMN_OF[self.index]] = self.wanted[rows[marked, col.INDEX].astype(int)]
+        return Piece(rows, traces[:count].copy(), orbits, ended)
+
+    def _with_closing_step(self, piece: Piece, start: Orbit, sense: float) -> Piece:
+        """A closed piece with what lies on the step that closes it, with which the other sense begins."""
+        other = self._half(start, sense, CLOSING + len(self.wanted))
+        if other is None:
+            return piece
+        kind = other.rows[:, col.KIND]
+        new = [i for i in np.flatnonzero(np.isin(kind, MARKS)) if not _contains(piece.rows, other.rows[i])][::-1]
+        wanted = np.flatnonzero(kind == col.WANTED).tolist()
+        orbits = [one for i, one in zip(wanted, other.orbits, strict=False) if i in new]
+        rows, traces = (np.concatenate([first, second[new]])
+                        for first, second in ((piece.rows, other.rows), (piece.traces, other.traces)))  # fmt: skip
+        return Piece(rows, traces, piece.orbits + orbits, piece.ended)
 
     @staticmethod
     def _repeats(piece: Piece, other: Piece) -> bool:
