@@ -67,7 +67,10 @@ def imported(sources: dict[str, str]) -> set[tuple[str, str]]:
     for source in sources.values():
         for node in ast.walk(ast.parse(source)) if KERNELS in source else ():
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(f"{KERNELS}."):
-                found |= {(node.module or "", one.name) for one in node.names}
+                within = vars(importlib.import_module(node.module or ""))
+                found |= {
+                    (node.module or "", one.name) for one in node.names if not isinstance(within[one.name], ModuleType)
+                }
     return found
 
 
