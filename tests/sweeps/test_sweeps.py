@@ -390,3 +390,9 @@ def test_the_step_that_closes_a_curve_is_searched_too() -> None:
     for offset in (0.4e-9, 1.4e-9, 1.6e-9, 1.9e-9):  # where an attractive curve, which is closed, was begun or not
         found = pm.orbits(pm.Material(5e9, 0.02, 0.01), scope, tip_offset=offset)
         assert found.stable.values.tolist() == [1, 0, 1] and found.attrs["complete"] == 1
+
+
+def test_orbits_whose_neck_never_breaks_are_found() -> None:
+    scope = pm.Microscope(pm.Cantilever(40.0, 300e3, 60.0), pm.Tip(10e-9), pm.Drive(5e-9), pm.Interaction("maugis"))
+    found = pm.orbits(pm.Material(1e9, 0.06), scope, tip_offset=-1e-9)
+    assert found.stable.values.tolist() == [1] and float(found.indentation[0]) > 1e-9

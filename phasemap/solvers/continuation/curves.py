@@ -193,15 +193,23 @@ class Curves:
                 grazes = abs(rows[last, col.INDENTATION]) < AT_JUMP * rows[last, col.AMPLITUDE]
                 if grazes and not rows[last, col.FLOQUET] < 1:  # where a neck hardly breaks, no orbit is stable
                     continue
-                end, known = rows[last, self.column], len(self.pieces)
-                for times in (1.0,) if grazes else FARTHER:
-                    x = float(end + times * beside * np.sign(end - rows[before, self.column]))
-                    row = self.let_go(rows[last], x)
-                    if row is not None:
-                        if swept or not self._near(x, row[col.AMPLITUDE], row[col.STIFFENING]):
-                            self.from_row(row, x if swept else 0.0)
-                        break
+                known, onward = len(self.pieces), beside * np.sign(rows[last, self.column] - rows[before, self.column])
+                for side in (1.0,) if grazes else (1.0, -1.0):  # orbits whose neck does not break may lie behind
+                    self._follow_from_landing(
+                        rows[last], [side * onward * one for one in FARTHER[: 1 if grazes else None]]
+                    )
                 waiting += self.pieces[known:]
+
+    def _follow_from_landing(self, start: np.ndarray, steps: list[float]) -> None:
+        """Follow the piece on which a tip lands that is let go at the first of these steps that leads to an orbit."""
+        swept = self.column == col.PARAMETER
+        for step in steps:
+            x = float(start[self.column] + step)
+            row = self.let_go(start, x)
+            if row is not None:
+                if swept or not self._near(x, row[col.AMPLITUDE], row[col.STIFFENING]):
+                    self.from_row(row, x if swept else 0.0)
+                return
 
     def let_go(self, start: np.ndarray, x: float) -> np.ndarray | None:
         """Result row of the orbit on which a tip comes to rest at x of the control, from the orbit of a full row.
