@@ -147,8 +147,9 @@ def _axis_values(
 
     if points < 2:
         raise InputError("--points", points, "a whole number of at least 2")
-    logarithmic = arguments.log or (ends is None and arguments.axis not in ("distance", "setpoint", "frequency"))
     start, stop = ends or _usual_ends(arguments.axis, material, scope)
+    by_itself = ends is None and arguments.axis not in ("distance", "setpoint", "frequency")
+    logarithmic = arguments.log or (by_itself and min(start, stop) > 0)
     if start == stop or not math.isfinite(start) or not math.isfinite(stop):
         raise InputError("START STOP", f"{start:g} {stop:g}", "two different finite numbers")
     if logarithmic and min(start, stop) <= 0:
@@ -252,7 +253,8 @@ VALUES = {"--setpoints": "1", "--free-amplitudes": "m", "--frequencies": "Hz"}
 EXAMPLE = {"--setpoints": MAPPED, "--free-amplitudes": "10nm:60nm:26", "--frequencies": "299kHz:301kHz:21"}
 NAMED = {"frequency": "frequencies", "free_amplitude": "free amplitudes", "setpoint": "setpoints"}
 CONTRAST_EXAMPLES = """\
-Values are START:STOP:N in SI units or with a unit (10nm:60nm:26), N values between, or one number.
+Values are START:STOP:N in SI units or with a unit (10nm:60nm:26), N values between; a free amplitude or a frequency may
+be one number.
 
 examples:
   phasemap contrast samples/blend.toml --materials ps,ldpe --plot contrast.png
@@ -320,8 +322,11 @@ def _values(option: str, text: str | None) -> Any:
 
     if text is None:
         return None
-    allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}, or one number"
+    allowed = f"START:STOP:N with N of at least 2, such as {EXAMPLE[option]}"
+    allowed += "" if option == "--setpoints" else ", or one number"
     numbers = number_or_range(option, text, VALUES[option], allowed)
+    if len(numbers) == 1 and option == "--setpoints":
+        raise InputError(option, text, allowed)
     return numbers[0] if len(numbers) == 1 else np.linspace(numbers[0], numbers[1], int(numbers[2]))
 
 

@@ -11,8 +11,8 @@ from phasemap._shared.notices import unquestioned
 from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Engage, Feedback, Raster
-from phasemap.experiment.interaction import WITH_PARAMETERS, Interaction
-from phasemap.experiment.interaction.longrange import FORCES
+from phasemap.experiment.interaction import WITH_PARAMETERS, ContactLaw, Interaction
+from phasemap.experiment.interaction.longrange import FORCES, LongRange
 from phasemap.experiment.microscope import PARTS, Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
 
@@ -30,12 +30,20 @@ KINDS: dict[str, type[Any]] = {
 
 def describe(thing: Any) -> Any:
     """A configuration object as plain JSON values."""
+    own = isinstance(thing, ContactLaw | LongRange) and not type(thing).__module__.startswith("phasemap.")
     if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
         fields = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
-        return {"kind": type(thing).__name__.lower(), **fields}
+        return {"kind": _whole_name(thing) if own else type(thing).__name__.lower(), **fields}
+    if own:
+        return _whole_name(thing)
     if isinstance(thing, tuple):
         return [describe(one) for one in thing]
     return thing if thing is None or isinstance(thing, (bool, int, float, str)) else getattr(thing, "name", str(thing))
+
+
+def _whole_name(law: object) -> str:
+    """Name of a user's law, which may be called as one of phasemap's is."""
+    return f"{type(law).__module__}.{type(law).__qualname__}"
 
 
 def made(stored: Any, *kinds: type[T]) -> T:

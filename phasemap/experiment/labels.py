@@ -167,6 +167,9 @@ class Variation(Shown):
 
     def of(self, maps: Mapping[str, Any], shape: tuple[int, int], sides: tuple[float, float]) -> dict[str, Any]:
         """The maps of a surface that varies so, of arguments of `Surface`; `sides`: of a pixel, (dy, dx) [m]."""
+        if self.modulus and "relaxation" in maps:
+            hint = "A spectrum has its own modulus; adhesion may vary."
+            raise InputError("variation of the modulus", self.modulus, "0 where materials have spectra", hint)
         factors: dict[str, NDArray[np.float64] | float] = {}
         for name in ("modulus", "adhesion", "loss"):
             size, length = getattr(self, name), self.correlation_length

@@ -182,7 +182,7 @@ def seen_by(surface: Surface, scope: Microscope, setpoint: float, depth: Any) ->
     """See `phasemap.Surface.seen_by`."""
     law = scope.interaction.law
     if depth is None:
-        if law.spread != 0.5:
+        if law.spread != 0.5 or law.takes_film:
             allowed = f"a map of depths in m where the contact is {law.name!r}"
             raise InputError("depth", None, allowed, "That may be the indentation of an image.")
         materials, inverse = surface.unique()

@@ -293,7 +293,8 @@ class Surface(Maps):
         depth : float or array_like, shape (ny, nx), optional
             Largest indentation at each pixel [m], finite where there is a material: ``indentation`` of an image.
             By default that of the
-            repulsive orbit on DMT contact, to first order in depth over amplitude: near resonance good to some 5 %.
+            repulsive orbit on DMT contact, to first order in depth over amplitude: near resonance good to some 5 %;
+            what a neck of liquid pulls is not in it, and films on a rigid base need it given.
 
         Returns
         -------

@@ -232,7 +232,8 @@ def check_spacing(maps: dict[str, Any], sides: tuple[float, float]) -> None:
 def pixel_sides(value: object) -> tuple[float, float]:
     """The (dy, dx) of a pixel [m]."""
     dy, dx = pixel_pair(value)
-    question("pixel_size", max(dy, dx), "m", PIXEL)
+    for side in {dy, dx}:
+        question("pixel_size", side, "m", PIXEL)
     return dy, dx
 
 

@@ -241,7 +241,22 @@ def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked)
     about = {"long_name": "setpoint amplitude over free amplitude", "units": "1"}
     image = xr.concat(images, xr.Variable("setpoint", values, about), combine_attrs="drop_conflicts")
     first = json.loads(images[0].attrs["configuration"])
+    image = image.assign(_differing(images, asked.control))
     return image.assign_attrs(provenance({**first, "setpoint": values}, "simulated"))
+
+
+def _differing(images: list[xr.Dataset], control: Control) -> dict[str, Any]:
+    """Findings of the control, and steps of quantisation, that are not the same at all setpoints."""
+    found = {name: ([one.attrs.get(name) for one in images], {"long_name": long_name})
+             for name, long_name in simulator_of(control).notes.items()}  # fmt: skip
+    for name, values in images[0].data_vars.items():
+        about = {"long_name": f"step of the quantisation of {name}", "units": values.attrs.get("units", "1")}
+        found[f"{name}_quantisation_step"] = [one[name].attrs.get("quantisation_step") for one in images], about
+    return {
+        name: ("setpoint", np.array(values, float), about)
+        for name, (values, about) in found.items()
+        if len(set(values)) > 1
+    }
 
 
 def _check_memory(job: Job, asked: tuple[str, ...]) -> None:

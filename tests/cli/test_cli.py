@@ -295,6 +295,7 @@ def test_a_material_that_no_pixel_is_of_is_said_to_be_in_none(
         (["sweep", STEP, "frequency", *STIFF, "--setpoint", "0.5", "--tip-offset", "1e-9"], "not allowed with"),
         (["sweep", STEP, "frequency", *STIFF, "--setpoint", "1.5"], "setpoint is 1.5; allowed: a number above 0"),
         (["sweep", STEP, "setpoint", *STIFF, "1.2", "0.5"], "setpoint is 1.2; allowed: a number above 0"),
+        (["contrast", STEP, "--setpoints", "0.7"], "--setpoints is '0.7'; allowed: START:STOP:N with N of at least 2"),
         (["sweep", STEP, "bias", *STIFF], "START and STOP are missing: the scene's bias suggests no range."),
         (["sweep", STEP, "distance", *STIFF, "-n", "1"], "--points is 1; allowed: a whole number of at least 2"),
         (["sweep", STEP, "distance", *STIFF, "--samples", "-1"], "samples is -1; allowed: a whole number from 0"),

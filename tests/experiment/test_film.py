@@ -155,7 +155,10 @@ def test_a_surface_keeps_its_thickness() -> None:
     rows, inverse = surface.unique()
     assert rows[inverse][0, 1].tolist() == [1e9, 0.05, 0.0, 0.35, 5e-9, 1e9, *[math.inf] * 4]
     assert surface.dilated(TIP).thickness.tolist() == surface.thickness.tolist()
-    blurred = pm.Surface(1e9, thickness=[[2e-9] * 8 + [math.inf] * 8], pixel_size=1e-9).seen_by(SCOPE, 0.7).thickness[0]
+    edge = pm.Surface(1e9, thickness=[[2e-9] * 8 + [math.inf] * 8], pixel_size=1e-9)
+    with pytest.raises(pm.InputError, match="depth is None; allowed: a map of depths in m where the contact is 'film'"):
+        edge.seen_by(SCOPE, 0.7)
+    blurred = edge.seen_by(SCOPE, 0.7, depth=1e-9).thickness[0]
     assert blurred[0] == 2e-9 and blurred[-1] == math.inf and (np.diff(blurred[:9]) >= 0).all() and blurred[8] < 1e-7
     with pytest.raises(pm.InputError, match="thickness is -1e-09; allowed: a finite number above 0 m"):
         pm.Surface(1e9, thickness=[[-1e-9, 1e-9]], pixel_size=1e-9)

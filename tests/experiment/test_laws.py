@@ -551,7 +551,7 @@ def test_provenance_describes_laws_with_their_parameters() -> None:
     assert described[5:] == [
         {"kind": "maugisdugdale", "range": 1e-9},
         {"kind": "neck", "length": 0.8e-9},
-        "Own",
+        f"{__name__}.Own",
         *(describe(LAWS[name](1.0)) for name in ("lossy dmt", "table")),
         {"kind": "flatpunch", "contact_radius": 5e-9},
         {"kind": "cone", "half_angle": 30.0},

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import phasemap as pm
-from phasemap.experiment.interaction import Interaction, Table
+from phasemap.experiment.interaction import LAWS, Interaction, Table
 
 LEVER, TIP, DRIVE = pm.Cantilever(30.0, 300e3, 300.0), pm.Tip(10e-9), pm.Drive(20e-9)
 POLYMER = pm.Material(1e9, 0.03, viscosity=30.0)
@@ -33,6 +34,22 @@ def test_a_table_of_a_law_has_the_orbits_of_the_law(interaction: Interaction, so
     # 600 points, of which those at the maximum depth are 4 % of it apart
     assert found.phase == pytest.approx(wanted.phase, abs=1e-4)
     assert found.tip_offset == pytest.approx(wanted.tip_offset, abs=1e-13)
+
+
+def test_a_table_is_made_of_laws_that_it_can_hold_and_of_no_others() -> None:
+    for name, law in LAWS.items():
+        material = replace(POLYMER, thickness=20e-9) if law.takes_film else POLYMER
+        scope = scope_of(Interaction(name, damping_exponent=law.spread))
+        if law.hysteretic or law.takes_film:
+            with pytest.raises(pm.InputError, match="a law without a neck, films or losses of its own"):
+                Table.from_law(material, scope)
+            continue
+        made = scope_of(Interaction(Table.from_law(material, scope)))
+        found, wanted = pm.solve_pixel(POLYMER, made, 0.7), pm.solve_pixel(material, scope, 0.7)
+        assert found.phase == pytest.approx(wanted.phase, abs=1e-4), name  # 4e-7 at most
+        assert found.dissipation == pytest.approx(wanted.dissipation, rel=1e-5), name
+    with pytest.raises(pm.InputError, match="one that does not relax"):
+        Table.from_law(pm.Material(1e9, relaxed_modulus=0.5e9, relaxation_time=1e-6), scope_of(Interaction("hertz")))
 
 
 def test_cubics_are_monotone_between_points_and_keep_a_kink_and_a_jump_at_contact() -> None:

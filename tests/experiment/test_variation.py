@@ -64,6 +64,17 @@ def test_an_image_of_materials_that_vary_is_solved_and_varies_within_its_domains
         assert image.phase.values[there].mean() == pytest.approx(float(flat.phase.values[there][0]), abs=3)
 
 
+def test_a_spectrum_has_a_modulus_that_does_not_vary() -> None:
+    slow = pm.Material(adhesion=0.02, relaxation=pm.Prony([0.5e9], [1e-6], 0.3e9))
+    with pytest.raises(
+        pm.InputError, match=r"variation of the modulus is 0\.15; allowed: 0 where materials have spectra"
+    ):
+        pm.Surface.from_labels(np.zeros((64, 64), int), {0: slow}, pixel_size=2e-9, variation=pm.Variation())
+    still = pm.Variation(modulus=0, loss=0)
+    varied = pm.Surface.from_labels(np.zeros((64, 64), int), {0: slow}, pixel_size=2e-9, variation=still)
+    assert np.ptp(varied.adhesion) > 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -128,6 +128,19 @@ def test_a_channel_takes_as_many_values_as_its_bits_allow(bits: int) -> None:
     assert np.array_equal(np.isnan(coarse), np.isnan(values))
 
 
+def test_what_differs_between_setpoints_is_told_of_each() -> None:
+    scope, control = pm.Microscope(LEVER, TIP, pm.Drive(30e-9)), pm.Feedback(line_rate=20.0)
+    asked = {"control": control, "realism": pm.Realism(bits=8), "variables": ["height", "phase"]}
+    surface = pm.Surface([[1e9] * 8 + [3e9] * 8] * 2, 0.05, 0.01, pixel_size=4e-9)
+    both = pm.simulate(surface, scope, [0.5, 0.7], **asked)
+    for i, setpoint in enumerate((0.5, 0.7)):
+        alone, one = pm.simulate(surface, scope, setpoint, **asked), both.isel(setpoint=i)
+        assert one["proportional_gain"] == alone.attrs["proportional_gain"]
+        assert one["phase_quantisation_step"] == alone.phase.attrs["quantisation_step"]
+        assert both.get("gain_margin", both.attrs.get("gain_margin")) is not None
+    assert both["height_quantisation_step"].attrs["units"] == "m"
+
+
 def test_a_channel_of_one_value_stays_as_it_is() -> None:
     image = finish(blank(3), pm.Realism(bits=8))
     assert not image.amplitude.values.any()

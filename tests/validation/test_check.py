@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -352,11 +353,24 @@ class Own(ContactLaw):
         return float(p[0]) * d
 
 
-def test_a_law_of_ones_own_is_asked_for() -> None:
+class Hertz(Own):
+    """A law that is called as one of phasemap's."""
+
+
+@dataclass(frozen=True)
+class Cone(Own):
+    """One with parameters that is."""
+
+    half_angle: float = 35.0
+
+
+@pytest.mark.parametrize("law", [Own(), Hertz(), Cone()], ids=lambda law: type(law).__name__)
+def test_a_law_of_ones_own_is_asked_for(law: ContactLaw) -> None:
     image = image_of()
-    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(Own()))
+    scope = pm.Microscope(SCOPE.cantilever, SCOPE.tip, SCOPE.drive, pm.Interaction(law))
     attribute("microscope", value=describe(scope))(image)
-    with pytest.raises(pm.InputError, match=r"contact law of the image is 'Own'.*give the microscope too"):
+    name = rf"{__name__}.{type(law).__name__}"
+    with pytest.raises(pm.InputError, match=rf"contact law of the image is '{name}'.*give the microscope too"):
         pm.check(image, SURFACE)
     with pytest.raises(pm.InputError, match="the microscope of the image's configuration"):
         pm.check(image, SURFACE, SCOPE)

@@ -45,7 +45,7 @@ class Capillary(SphereLaw):
     Parameters
     ----------
     film_thickness : float, optional
-        h of the sample's film [m], >= 0; a material with a ``film_thickness`` of its own has that. By default that of
+        h of the sample's film [m], >= 0; a material with a ``liquid_film`` of its own has that. By default that of
         the humidity.
     humidity : float, optional
         Relative humidity, 0 to 1 without both ends, which sets the thickness of films that are not given:

@@ -113,10 +113,20 @@ class Table(ContactLaw):
     def from_law(cls, material: Material, scope: Microscope, depths: Any = None) -> Table:
         """The forces of another law, of a material under the tip of a microscope.
 
+        Raises InputError if a table does not know all that the law does: necks, films, losses of its own, and
+        materials that relax.
+
         `depths` : sequence of float, optional
             Where it is asked [m]; by default densest at d = 0, from -100 to 20 nm.
         """
+        from phasemap.experiment.material import relaxes
         from phasemap.experiment.material_rows import properties, rows_of
+
+        law = scope.interaction.law
+        if law.hysteretic or law.lossy or type(law).damping is not ContactLaw.damping:
+            raise InputError("contact", law.name, "a law without a neck, films or losses of its own")
+        if relaxes(material):
+            raise InputError("material", material, "one that does not relax, for a table has no memory")
 
         if depths is None:
             inner, outer = np.geomspace(LEAST, INNER, 300), np.geomspace(LEAST, OUTER, 300)
@@ -127,7 +137,8 @@ class Table(ContactLaw):
         d = np.asarray(depths, dtype=np.float64)
         outer, inner = np.append(d[d < 0], 0.0), np.append(0.0, d[d > 0])
         forces = [acts.outside.force(x, p) for x in outer] + [acts.law.force(x, p) - p[BIAS] for x in inner]
-        return cls(tuple(np.concatenate([outer, inner])), tuple(forces))
+        contact = np.append(np.zeros(len(outer)), law.radius_at(inner, scope.tip.radius))
+        return cls(tuple(np.append(outer, inner)), tuple(forces), None if law.spread == 0.5 else tuple(contact))
 
     @property
     def _pulled(self) -> tuple[float, ...]:
