@@ -210,10 +210,10 @@ def factor(m: np.ndarray, n: int, order: np.ndarray) -> bool:
         inverse = 1.0 / up[k]
         for i in range(k + 1, n):
             row = m[i]
-            factor = row[k] * inverse
-            row[k] = factor
+            multiple = row[k] * inverse
+            row[k] = multiple
             for j in range(k + 1, n):
-                row[j] -= factor * up[j]
+                row[j] -= multiple * up[j]
     return True
 
 

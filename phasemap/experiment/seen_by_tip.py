@@ -271,32 +271,35 @@ class _Seen:
         return mean
 
     def _mean(self, values: Array, weight: Callable[[Array, float], Array], a: float, beyond: float) -> Array:
-        """The mean under the weight of one disc; NaN where there is no material, which counts nowhere else."""
+        """The mean under the weight of one disc; NaN where there is no material, which counts nowhere else.
+
+        The share of a pixel is the sum of the weight at FINE x FINE points within it.
+        """
         from scipy.ndimage import maximum_filter, minimum_filter
         from scipy.signal import fftconvolve
 
         end = float(np.hypot(a, beyond))
         points = math.prod((2 * end / step + 3) * FINE for step in self.pixel_size)
         check_fits(f"to see edges with a disc of radius {end:.3g} m", 32 * points, "Give smaller depths.")
-        half = [int(np.ceil(end / step)) for step in self.pixel_size]
-        if not any(half):
+        reach = [int(np.ceil(end / step)) for step in self.pixel_size]  # in pixels
+        if not any(reach):
             return values
         sides = []
-        for count, step in zip(half, self.pixel_size, strict=True):
-            fine = (np.arange((2 * count + 1) * FINE) + 0.5) / FINE - count - 0.5
+        for pixels, step in zip(reach, self.pixel_size, strict=True):
+            fine = (np.arange((2 * pixels + 1) * FINE) + 0.5) / FINE - pixels - 0.5
             sides.append(fine * step)
         r2 = sides[0][:, None] ** 2 + sides[1] ** 2
         shares = weight(r2, a) * (r2 <= end * end)
-        kernel = shares.reshape(2 * half[0] + 1, FINE, 2 * half[1] + 1, FINE).sum(axis=(1, 3))
+        kernel = shares.reshape(2 * reach[0] + 1, FINE, 2 * reach[1] + 1, FINE).sum(axis=(1, 3))
         if not kernel.any():
             return values
-        pad = [(count, count) for count in half]
+        pad = [(pixels, pixels) for pixels in reach]
         known = np.pad(np.isfinite(values) * 1.0, pad, mode="edge")
         padded = np.pad(np.nan_to_num(values), pad, mode="edge")
         low, high = np.nanmin(values), np.nanmax(values)
-        total, count = (fftconvolve(one, kernel, mode="valid") for one in (padded, known))
+        total, weights = (fftconvolve(one, kernel, mode="valid") for one in (padded, known))
         with np.errstate(all="ignore"):
-            share = np.clip((total / count - low) / (high - low), 0.0, 1.0)
+            share = np.clip((total / weights - low) / (high - low), 0.0, 1.0)
         mean = low + (high - low) * share.round(DIGITS)
         # What is the same all around stays so to the last bit, and no material is made that differs by rounding alone.
         size = kernel.shape

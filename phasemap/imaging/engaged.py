@@ -119,22 +119,11 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
     ting, many = job.remembers and interaction.withdrawal == "ting", MANY if interaction.law.in_time else MANY_DRY
     if len(materials) < many or job.solver.name != "auto" or not job.only_in_time or ting:
         return job.solve(materials, progress)
-    stiffness, adhesion, damping = job.properties(materials)
-    wet = liquid_of(materials)
-    none = np.full(len(materials), np.inf)
-    columns = [stiffness, damping, adhesion, *((none, none) if wet is None else wet.T)]
-    counts = [len(np.unique(one)) for one in columns]
-    third = int(np.argmax(counts[2:]))
-    keys = [one for i, one in enumerate(columns) if not (i in (0, 1, 2 + third) and counts[i] > KINDS)]
+    kind, third, thirds = _kinds_of(job, materials)
     rows = np.full((len(materials), col.COLUMNS), np.nan)
-    dry = columns[3] == 0.0  # no neck is the limit of small ones
-    film, relaxation = film_of(materials), relaxation_of(materials, job.scope)
-    alike = film, None if relaxation is None else np.round(relaxation, DIGITS)
-    keys += [one for part in alike if part is not None for one in part.T]
-    _, kind = np.unique(np.column_stack([dry, *keys]), axis=0, return_inverse=True)
-    for number in np.flatnonzero(np.bincount(kind.reshape(-1)) >= many):
-        of = np.flatnonzero(kind.reshape(-1) == number)
-        same = tuple(float(one[of[0]]) for one in columns[2:])
+    for number in np.flatnonzero(np.bincount(kind) >= many):
+        of = np.flatnonzero(kind == number)
+        same = tuple(float(one[of[0]]) for one in thirds)
         mine = make_atlas(job, materials[of], len(of), {"third": third, "same": same})
         if mine.atlas.pieces:
             rows[of] = mine.rows(job, materials[of], job.needs)
@@ -148,6 +137,28 @@ def solved(job: Job, materials: Array, progress: Progress | None = None) -> Valu
     elif progress is not None:
         progress(done, done)
     return values
+
+
+def _kinds_of(job: Job, materials: Array) -> tuple[NDArray[np.intp], int, list[Array]]:
+    """Number of the kind of each material, as `solved` has them, and what else they may differ in.
+
+    That is adhesion, film of liquid and contact angle: which of them it is, and all three.
+    """
+    stiffness, adhesion, damping = job.properties(materials)
+    wet, none = liquid_of(materials), np.full(len(materials), np.inf)
+    columns = [stiffness, damping, adhesion, *((none, none) if wet is None else wet.T)]
+    counts = [len(np.unique(one)) for one in columns]
+    third = int(np.argmax(counts[2:]))
+    differs = {i for i in (0, 1, 2 + third) if counts[i] > KINDS}
+    film, relaxation = film_of(materials), relaxation_of(materials, job.scope)
+    alike = film, None if relaxation is None else np.round(relaxation, DIGITS)
+    keys = [
+        columns[3] == 0.0,  # dry: no neck is the limit of small ones
+        *(one for i, one in enumerate(columns) if i not in differs),
+        *(one for part in alike if part is not None for one in part.T),
+    ]
+    _, kind = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
+    return kind.reshape(-1), third, columns[2:]
 
 
 def _fill(job: Job, plan: PixelPlan, canvas: Canvas, _state: None) -> None:

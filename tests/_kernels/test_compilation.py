@@ -82,7 +82,7 @@ said.append(asked(kernel(contact_force.py_func)))
 
 
 def test_code_outlives_no_source(tmp_path: Path, empty: dict[str, str]) -> None:
-    copy = Path(shutil.copytree(PACKAGE, tmp_path / "phasemap"))
+    copy = Path(shutil.copytree(PACKAGE, tmp_path / "phasemap", ignore=shutil.ignore_patterns("__pycache__")))
     (first, *hits), found, updated = small(python(SMALL.format(before="", after=UPDATE), copy, **empty))
     assert hits == [0] and found == [first, 1]
     # A process that lives across an update has loaded the old source, and keeps nothing under the digest of the new.

@@ -126,7 +126,7 @@ def test_a_measured_decay_is_summed_and_its_multipliers_found(count: int, size: 
     of_tip.fill_way_of_decay.py_func(linear, now, way)
     assert way == pytest.approx(np.linalg.solve(-change, now))
     largest = np.abs(np.linalg.eigvals(np.eye(count) + change)).max()
-    assert of_tip.multiplier_of.py_func(linear) == pytest.approx(largest, rel=1e-12)
+    assert of_tip.floquet_multiplier.py_func(linear) == pytest.approx(largest, rel=1e-12)
 
 
 # One period.

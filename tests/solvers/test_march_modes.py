@@ -179,7 +179,9 @@ def test_a_free_lever_moves_and_decays_as_formulas_say(modes: int) -> None:
     monodromy = np.eye(n) + np.array(tip.linear.motion)[: n * n].reshape(n, n).T
     rates = np.array([0.5 * mode.frequency_ratio / mode.quality_factor for mode in lever.eigenmodes])
     assert np.linalg.det(monodromy) == pytest.approx(math.exp(-4 * math.pi / omega * rates.sum()), rel=1e-5, abs=1e-9)
-    assert of_tip.multiplier_of(tip.linear) == pytest.approx(math.exp(-2 * math.pi / omega * rates.min()), abs=1e-6)
+    assert of_tip.floquet_multiplier(tip.linear) == pytest.approx(
+        math.exp(-2 * math.pi / omega * rates.min()), abs=1e-6
+    )
 
 
 def test_neighbours_of_a_tapping_lever_come_nearer_as_the_modes_lose_energy() -> None:

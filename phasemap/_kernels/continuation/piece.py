@@ -233,12 +233,13 @@ def turn_between(
             return False
         point.length = passed + reached
         f = point.rate[entry]
+        # Flat, or so near that x has less than FOLD_PLACE to go: f^2 / (2 x''), with `steep` for its second derivative.
         if abs(f) <= FOLD_FLAT * most or 0.5 * f * f <= FOLD_PLACE * natural * steep:
             return True
         if abs(far - near) < CLOSED_BRACKET:
             return False
         near, f_near, far, f_far = narrow_bracket(near, f_near, far, f_far, reached, f)
-        if reached < step and (f > 0.0) == rises:
+        if reached < step and (f > 0.0) == rises:  # a step that was cut short: the next begins where it ended
             assign(begun, point)
             copy_orbit(orbit, base)
             passed, near, far = passed + reached, near - reached, far - reached

@@ -263,7 +263,8 @@ def engaged_collocation_orbit(
     if decider == BY_AVERAGING and _found_on_averaged_branch(oscillator, harmonic, curve, row):
         return col.GOOD
     done = orbit_along_curve(oscillator, wanted, curve, row)
-    if done == col.GOOD and rebounds(oscillator, row[col.STIFFENING] * row[col.AMPLITUDE]):
+    push = row[col.STIFFENING] * row[col.AMPLITUDE]  # P [m]
+    if done == col.GOOD and rebounds(oscillator, push):
         done = col.NOT_CONVERGED
     return done
 

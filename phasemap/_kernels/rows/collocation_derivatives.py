@@ -127,6 +127,7 @@ def collocation_block(
 ) -> None:
     """Fill in phase and tip offset of exact orbits near known ones, as `averaged_block` does of averaged ones.
 
+    `rows` (shape (1 + k, n, ROW)): of the materials, then with each of k logarithms larger by `step`.
     They may be on either branch. Of each material and setpoint `places` keep the orbit to start from, which the orbit
     found replaces; with `search` those that curves lead to are tried where that leads nowhere.
     """

@@ -225,8 +225,9 @@ def _outside(table: Table) -> LongRange:
             """p[LONGRANGE] = attraction at d = 0 [N], p[INVERSE_REACH] = steepest slope over largest force [1/m]."""
             if largest == 0.0:
                 return ()
+            # Beyond its first point the force is 0, as if it fell once more over the distance of that.
             steepest = max(float(abs(slopes).max()) / largest, -1.0 / table.depths[0])
-            return np.where(pull == 0.0, 1e-15 * largest, pull), steepest
+            return np.where(pull == 0.0, 1e-15 * largest, pull), steepest  # 0 would say that there is no force
 
     return Outside()
 

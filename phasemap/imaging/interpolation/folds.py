@@ -129,7 +129,11 @@ def follow_all(exact: ExactOrbits, bases: Array, guesses: list[Ends], off: float
 
 
 def adhesion_at_end_of_branch(every: list[Ends]) -> Array | None:
-    """Smallest adhesion at which the attractive branch still reaches the setpoint, by its ends at all amplitudes."""
+    """Smallest adhesion at which the attractive branch still reaches the setpoint, by its ends at all amplitudes.
+
+    The tip has to pass all amplitudes on its way, so that it is the largest of the ends: the vertex of the parabola
+    through three, which opens downwards.
+    """
     if len(every) == 1:
         return every[0].adhesion
     below, middle, above = (ends.adhesion for ends in every)

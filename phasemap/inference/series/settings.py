@@ -109,7 +109,10 @@ class Settings:
         return amplitudes, ratios
 
     def ranges(self, reach: float) -> tuple[tuple[float, float], Array]:
-        """Least and largest free amplitude [m], and setpoints between which others are interpolated."""
+        """Least and largest free amplitude [m], and setpoints between which others are interpolated.
+
+        `reach`: of scale and own amplitude [standard deviations]. Ends are wider by a little, for what rounding adds.
+        """
         ends = np.repeat([[-reach], [reach]], len(self), axis=1)
         corners = [self.at(ends, ends * (self.amplitude == FREE), np.full_like(ends, share)) for share in (0.0, 1.0)]
         sizes, levels = (np.concatenate([corner[k] for corner in corners]) for k in (0, 1))

@@ -36,11 +36,11 @@ from phasemap._kernels.orbits.time.tip import (
     differentiate,
     entry_of,
     fill_way_to_rest,
+    floquet_multiplier,
     length_of,
     motion_scale,
     motion_size,
     move_state,
-    multiplier_of,
     ring_down_periods,
     slopes_of_orbit,
 )
@@ -189,7 +189,7 @@ def skip_transient(oscillator: Oscillator, tolerance: Tolerance, target: float, 
     for _ in range(MOST_SKIPS):
         if not linearise_period(oscillator, tolerance.step_size, tip):
             return False
-        if not multiplier_of(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
+        if not floquet_multiplier(linear) < 1 or (target > 0.0 and not amplitude_slope(linear) > 0):
             return False
         fill_way_to_rest(linear, linear.now, target, way)
         before = way_left(way, tolerance)
@@ -231,7 +231,7 @@ def come_to_rest(oscillator: Oscillator, tolerance: Tolerance, most_periods: int
     while tip.periods.marched < end:
         if skip_transient(oscillator, tolerance, 0.0, tip):
             return True
-        if not multiplier_of(tip.linear) < 1:
+        if not floquet_multiplier(tip.linear) < 1:
             # An orbit that its neighbours leave is left at the slightest disturbance: here it is.
             tip.u[Z] *= 1 + DISTURBANCE
             tip.u[V] *= 1 + DISTURBANCE
@@ -324,4 +324,4 @@ def fill_row_of_period(lever: np.ndarray, z0: float, acc: PeriodResult, row: np.
 def fill_row_at_rest(lever: np.ndarray, tip: MovingTip, row: np.ndarray) -> None:
     """Fill a result row from a tip that `skip_transient` has put to rest."""
     fill_row_of_period(lever, tip.u[Z0], tip.acc, row)
-    row[col.FLOQUET], row[col.SLOPE] = multiplier_of(tip.linear), amplitude_slope(tip.linear)
+    row[col.FLOQUET], row[col.SLOPE] = floquet_multiplier(tip.linear), amplitude_slope(tip.linear)

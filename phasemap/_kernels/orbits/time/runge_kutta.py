@@ -239,10 +239,11 @@ def _step_of_many(here: Here, start: StepStart, point: MotionPoint, h: float, en
 
 
 @kernel(inline=True)
-def _has_many(here: Here) -> bool:
+def _moves_more_than_tip(here: Here) -> bool:
     """True if the lever has several modes, or the tip is in a contact with arms."""
     if here.beam.modes.count > 1:
         return True
+    # Of what moves, arms come before the tip's x.
     return here.contact.now.mode != OFF_SURFACE and first_moved(here.contact) < PLACE_OF_X
 
 
@@ -251,7 +252,7 @@ def take_step(here: Here, motion: Motion, h: float, to: MotionPoint) -> None:
     """Take a step of length h from where the motion is."""
     start = StepStart(motion.time, motion.cos, motion.sin)
     to.known = 0
-    if _has_many(here):
+    if _moves_more_than_tip(here):
         _step_of_many(here, start, motion.here, h, to.at)
     elif here.contact.now.mode == OFF_SURFACE:
         _step_off_surface(here, start, motion.here, h, to.at)
@@ -263,7 +264,7 @@ def take_step(here: Here, motion: Motion, h: float, to: MotionPoint) -> None:
 def find_slopes(here: Here, motion: Motion, point: MotionPoint) -> None:
     """Fill in the slopes at a point of the step that starts where the motion is."""
     start, off = StepStart(motion.time, motion.cos, motion.sin), here.contact.now.mode == OFF_SURFACE
-    if _has_many(here):
+    if _moves_more_than_tip(here):
         _fill_slopes(here, start, off, True, point.at, point.slope, True)
     elif off:
         _fill_slopes(here, start, True, False, point.at, point.slope, True)

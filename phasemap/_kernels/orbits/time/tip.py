@@ -256,7 +256,7 @@ def amplitude_slope(linear: PeriodMap) -> float:
 
 
 @kernel
-def multiplier_of(linear: PeriodMap) -> float:
+def floquet_multiplier(linear: PeriodMap) -> float:
     """Largest modulus of the Floquet multipliers, the eigenvalues of P'."""
     n = linear.count
     m = np.empty((n, n))
