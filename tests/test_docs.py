@@ -48,3 +48,10 @@ def test_every_tutorial_has_a_picture_and_every_picture_that_a_page_names_is_the
     for path, pictures in shown.items():
         assert all((path.parent / picture).is_file() for picture in pictures), path
     assert all(shown[path] for path in (ROOT / "docs" / "tutorials").glob("*.md") if path.stem != "index")
+
+
+def test_the_methods_of_a_law_that_the_page_lists_are_there() -> None:
+    page = (ROOT / "docs" / "howto" / "law.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*?) \|", page, re.MULTILINE)
+    listed = [name for row in rows for name in re.findall(r"`(\w+)", row)]
+    assert len(listed) > 8 and [name for name in listed if not hasattr(phasemap.ContactLaw, name)] == []
