@@ -75,7 +75,7 @@ class Realism(Shown):
         Height, phase, amplitude and amplitude_error take ``2**bits`` values at equal steps over the range of each in
         this image, 1 to 32 bits.
     seed : int
-        Of everything random, >= 0.
+        Of everything random, >= 0. Of several setpoints each image has the next one.
 
     Notes
     -----

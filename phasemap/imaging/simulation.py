@@ -237,7 +237,10 @@ def _at_each(surface: Surface, scope: Microscope, setpoints: Any, asked: _Asked)
     values = [check_setpoint(one) for one in setpoints]
     if len(set(values)) < len(values) or not values:
         raise InputError("setpoint", str(setpoints), "one number, or several different ones")
-    images = [_at_one(surface, scope, value, asked) for value in values]
+    realism, images = check_realism(asked.realism, asked.control, surface.shape[0]), []
+    for i, value in enumerate(values):  # each with noise of its own, as images that are taken one after the other
+        noise = replace(realism, seed=realism.seed + i)
+        images.append(_at_one(surface, scope, value, replace(asked, realism=noise)))
     about = {"long_name": "setpoint amplitude over free amplitude", "units": "1"}
     image = xr.concat(images, xr.Variable("setpoint", values, about), combine_attrs="drop_conflicts")
     first = json.loads(images[0].attrs["configuration"])

@@ -125,9 +125,11 @@ def _turns(regime: np.ndarray) -> np.ndarray:
 
 
 def _draw_turns(axes: Axes, ds: xr.Dataset, x: np.ndarray, y: np.ndarray) -> None:
-    """Draw the line on which a material changes from repulsive to attractive: its phase passes 0 there."""
+    """Draw the line on which a material changes from repulsive to attractive: at resonance its phase passes 0 there."""
     for phase, regime in zip(ds["phase"].values, ds["regime"].values, strict=True):
-        known = np.where(np.isin(regime, (1, 2)), phase, np.nan)
+        one = np.isin(regime, (1, 2))
+        by_phase = np.array_equal(phase[one] > 0, regime[one] == 2)  # else the line between points of the map
+        known = np.where(one, phase if by_phase else regime - 1.5, np.nan)
         if min(known.shape) > 1 and _turns(regime[None]).any():
             style: dict[str, Any] = {f"{name}s": [value] for name, value in LINES["regime"].items()}
             axes.contour(x, y, known, [0.0], **style).set_gid("border")

@@ -103,11 +103,15 @@ def _notes(ds: xr.Dataset) -> list[str | tuple[str, str]]:
 
 
 def _shown(ds: xr.Dataset) -> list[int]:
-    """Indices of the frequencies that have a map of their own."""
+    """Indices of the frequencies that have a map of their own: spread over all, with the recommended one."""
     if ds["contrast"].ndim < 3:
         return [0]
     count = min(ds.sizes["frequency"], MOST_PANELS)
-    return np.unique(np.linspace(0, ds.sizes["frequency"] - 1, count).round().astype(int)).tolist()
+    shown = np.linspace(0, ds.sizes["frequency"] - 1, count).round().astype(int)
+    best = np.flatnonzero(ds["frequency"].values == ds.attrs["best_frequency"])
+    if best.size:
+        shown[np.abs(shown - best[0]).argmin()] = best[0]
+    return np.unique(shown).tolist()
 
 
 def _head(ds: xr.Dataset) -> list[str]:

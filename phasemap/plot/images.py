@@ -78,9 +78,9 @@ def plot(
 
     Each has its colour bar, a scale bar and a histogram; colours span the 0.5 to 99.5 percentiles. A quantity has the
     same colours in every picture. Heights count from the lowest pixel, and a measured image is drawn without its
-    tilt. A line on the colour bar of the phase marks 0, between attraction and repulsion, or what was recorded there.
-    Pixels without a solution are green, and a line below says how many there are, why, and what helps; another counts
-    the pixels in which the motion is irregular.
+    tilt. A line on the colour bar of the phase marks 0, at resonance between attraction and repulsion, or what was
+    recorded there. Pixels without a solution are green, and a line below says how many there are, why, and what helps;
+    another counts the pixels in which the motion is irregular.
 
     Parameters
     ----------
@@ -130,19 +130,20 @@ def plot(
         name = str(ds.name or "variable")
         ds, variables = ds.to_dataset(name=name), (name,)
     colours: dict[str, Any] = {"vmin": vmin, "vmax": vmax, "cmap": cmap}
+    of_images = {"variables": variables, "lag": lag or None, "mark_irregular": mark_irregular or None}
     if is_contrast(ds):
-        return contrast(ds, path, overwrite, **colours)
+        return contrast(ds, path, overwrite, **colours, **_refused({**of_images, "ax": ax}, "a contrast"))
     if is_comparison(ds):
-        return comparison(ds, path, overwrite, **colours)
+        return comparison(ds, path, overwrite, **colours, **_refused({**of_images, "ax": ax}, "a comparison"))
     if is_measured_curve(ds):
-        return fit(ds, path, overwrite, **_refuse_colours(colours, "a measured curve"))
+        return fit(ds, path, overwrite, **_refused({**colours, **of_images, "ax": ax}, "a measured curve"))
     if is_sweep(ds):
-        return curve(ds, path, overwrite, quantities=variables, ax=ax, lag=lag, **_refuse_colours(colours, "a sweep"))
+        return curve(ds, path, overwrite, quantities=variables, ax=ax, lag=lag, **_refused(colours, "a sweep"))
     if is_force_curve(ds):
-        return force(ds, path, overwrite, ax=ax, **_refuse_colours(colours, "a force curve"))
+        return force(ds, path, overwrite, ax=ax, **_refused({**colours, **of_images}, "a force curve"))
     for asks, draw, what in ((is_inversion, inversion, "an inversion"), (is_series, series, "a series")):
         if asks(ds):
-            return draw(ds, path, overwrite=overwrite, **_refuse_colours(colours, what))
+            return draw(ds, path, overwrite=overwrite, **_refused({**colours, **of_images, "ax": ax}, what))
     on_axes = ("phase",) if np.size(np.asarray(ax, object)) == 1 else ("height", "phase")
     names = tuple(variables) if variables is not None else _usual(ds) if ax is None else on_axes
     _check(ds, names, mark_irregular)
@@ -177,7 +178,9 @@ def _as_shown(ds: xr.Dataset, lag: bool) -> xr.Dataset:
     if "phase" not in ds:
         return ds
     if lag:
-        return ds.assign(phase=lag_of(ds).assign_attrs(units="degree", called="phase lag", free=90.0))
+        unknown = math.isnan(counted_from(ds)) and {"channels", "levelled"} & set(ds.attrs)
+        free = math.nan if unknown else 90.0
+        return ds.assign(phase=lag_of(ds).assign_attrs(units="degree", called="phase lag", free=free))
     free = counted_from(ds)
     if math.isnan(free) and not {"channels", "levelled"} & set(ds.attrs):  # else it may be anywhere
         free = 0.0
@@ -190,11 +193,12 @@ def _usual(ds: xr.Dataset) -> tuple[str, ...]:
     return (*both, *(name for name in ("amplitude_error", *_of_second_mode(ds)) if name in ds))
 
 
-def _refuse_colours(colours: dict[str, Any], what: str) -> dict[str, Any]:
-    """Refuse colours where the picture has no colour map; returns no arguments."""
-    for name, value in colours.items():
+def _refused(options: dict[str, Any], what: str) -> dict[str, Any]:
+    """Refuse options that this picture has nothing of; returns no arguments."""
+    for name, value in options.items():
         if value is not None:
-            raise InputError(name, str(value), f"nothing where {what} is drawn")
+            given = Word("given") if name == "ax" else str(value)
+            raise InputError(name, given, f"nothing where {what} is drawn")
     return {}
 
 

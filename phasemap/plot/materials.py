@@ -140,7 +140,7 @@ def inversion(ds: xr.Dataset, path: str | os.PathLike[str] | None = None, overwr
     measured = "x" in ds.coords and "y" in ds.coords
     wide, high_up = side_lengths(ds) if measured else (float(columns), float(rows))
     extent = 0.0, wide, high_up, 0.0
-    tall = WIDE * min(max(rows / columns, 0.2), 2.0)
+    tall = WIDE * min(max(high_up / wide, 0.2), 2.0)
     title = f"inversion of {ds.sizes.get('image', 0)} images   ·   {columns} × {rows} pixels"
     meanings = str(ds["flag"].attrs.get("flag_meanings", "")).split()
     masks = dict(zip(meanings, 1 << np.arange(8), strict=False))

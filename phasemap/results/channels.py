@@ -218,6 +218,7 @@ def _amplitude(
         if ratio is None:
             raise InputError("setpoint", None, "a number between 0 and 1", "The image has no amplitude.")
         held = number("setpoint", ratio, "1", above=0, below=1) * scope.driven_amplitude
+        return (image["phase"] * 0 + held).assign_attrs(over_free=1)
     return image["phase"] * 0 + held
 
 
@@ -278,9 +279,12 @@ def _deviation(
         ends = []
         for way in (1, -1):
             step = way * width
+            stepped = _with_step(scope, name, step)
             size = amplitude + step if name == "amplitude" else amplitude
+            if "over_free" in amplitude.attrs:  # what was known is the setpoint
+                size = size * (stepped.driven_amplitude / scope.driven_amplitude)
             angle = phase + step if name == "phase" else phase
-            ends.append(_apply(channel, _with_step(scope, name, step), size, angle, orbit))
+            ends.append(_apply(channel, stepped, size, angle, orbit))
         total = total + (0.5 * (ends[0] - ends[1])) ** 2
     return total**0.5
 

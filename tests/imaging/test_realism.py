@@ -134,11 +134,23 @@ def test_what_differs_between_setpoints_is_told_of_each() -> None:
     surface = pm.Surface([[1e9] * 8 + [3e9] * 8] * 2, 0.05, 0.01, pixel_size=4e-9)
     both = pm.simulate(surface, scope, [0.5, 0.7], **asked)
     for i, setpoint in enumerate((0.5, 0.7)):
-        alone, one = pm.simulate(surface, scope, setpoint, **asked), both.isel(setpoint=i)
+        alone = pm.simulate(surface, scope, setpoint, **{**asked, "realism": pm.Realism(bits=8, seed=i)})
+        one = both.isel(setpoint=i)
         assert one["proportional_gain"] == alone.attrs["proportional_gain"]
         assert one["phase_quantisation_step"] == alone.phase.attrs["quantisation_step"]
         assert both.get("gain_margin", both.attrs.get("gain_margin")) is not None
     assert both["height_quantisation_step"].attrs["units"] == "m"
+
+
+def test_images_at_several_setpoints_have_noise_of_their_own() -> None:
+    surface, scope = (
+        pm.Surface(1e9, 0.05, 0.01, pixel_size=4e-9, shape=(64, 2)),
+        pm.Microscope(LEVER, TIP, pm.Drive(30e-9)),
+    )
+    noisy, still = (pm.simulate(surface, scope, [0.5, 0.7], realism=pm.Realism(line_offset=x)) for x in (1e-10, 0.0))
+    first, second = (noisy.height - still.height).isel(x=0).values
+    # By chance 0.125, the inverse root of 64 lines.
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.5 and first.std() == pytest.approx(1e-10, rel=0.4)
 
 
 def test_a_channel_of_one_value_stays_as_it_is() -> None:

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,6 +109,20 @@ def test_without_noise_the_exact_material_comes_back():
         np.testing.assert_allclose(found[name], getattr(surface, name), rtol=apart)
     eta = 2 * SCOPE.cantilever.stiffness * found.damping / (2 * np.pi * SCOPE.cantilever.resonance_frequency)
     np.testing.assert_allclose(found.viscosity, eta / SCOPE.tip.radius)  # theory, Eq. (model-16)
+
+
+def test_beside_the_resonance_the_branch_is_the_sign_of_the_push_and_not_of_the_phase():
+    """At a setpoint of 0.6 phases from 0.6 of the sine of the free phase, 18 degrees, up are repulsive."""
+    drive, settings = 300e3 * (1 - 0.325 / 800), ((40e-9, 0.6), (40e-9, 0.75), (80e-9, 0.6))
+    scopes = [replace(SCOPE, drive=pm.Drive(amplitude, drive)) for amplitude, _ in settings]
+    assert scopes[0].free_phase == pytest.approx(18.0, abs=0.1)
+    materials = pm.Surface([[0.15e9, 0.3e9, 1e9]], [[0.04, 0.05, 0.02]], [[0.06, 0.08, 0.2]], pixel_size=4e-9)
+    stack = [pm.simulate(materials, scope, setpoint) for scope, (_, setpoint) in zip(scopes, settings, strict=True)]
+    assert 10.7 < float(stack[0].phase[0, 0]) < 18 and float(stack[0].branch[0, 0]) == 1
+    found = pm.invert(stack, scopes, phase_error=0.05, height_error=0.02e-9)
+    assert (found.flag == 0).all()
+    for name in NAMES:
+        np.testing.assert_allclose(found[name], getattr(materials, name), rtol=3e-3)
 
 
 @pytest.mark.parametrize("lever", [pytest.param(WET, marks=pytest.mark.slow), BEAM], ids=["shaken", "two modes"])

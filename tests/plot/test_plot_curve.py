@@ -310,6 +310,8 @@ def test_a_force_curve_is_drawn_and_its_two_directions_differ_where_a_neck_is_dr
     assert plot(made, ax=own) is own.figure and len(own.lines) >= 2
     with pytest.raises(InputError, match="vmin is '1'; allowed: nothing where a force curve is drawn"):
         plot(made, vmin=1)
+    with pytest.raises(InputError, match="lag is 'True'; allowed: nothing where a force curve is drawn"):
+        plot(made, lag=True)
     with pytest.raises(InputError, match=r"what phasemap\.force_curve returned"):
         pm.plot.force(made.rename(force="pull"))
 

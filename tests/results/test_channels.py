@@ -232,6 +232,15 @@ def test_errors_are_propagated() -> None:
     np.testing.assert_allclose(found.error_dissipation_ev, deviations[1], rtol=0.045)
 
 
+def test_an_amplitude_that_is_a_share_of_the_free_one_goes_with_it() -> None:
+    """At a setpoint, energies go as the square of the free amplitude, and what is a ratio of two does not change."""
+    image = measured(pm.simulate(SURFACE, SCOPE, 0.6, "averaging"), setpoint=0.6).drop_vars("amplitude")
+    free = float(image.attrs.get("free_amplitude", SCOPE.driven_amplitude))
+    found = pm.channels(image, sign=-1, uncertainty={"free_amplitude": 0.05 * free})
+    np.testing.assert_allclose(found.error_dissipation / abs(found.dissipation), 0.1, rtol=1e-6)
+    np.testing.assert_allclose(found.error_loss_tangent, 0.0, atol=1e-9)
+
+
 def test_what_an_image_cannot_tell_is_said() -> None:
     image = measured(pm.simulate(SURFACE, SCOPE, 0.6, "averaging"))
     with pytest.raises(pm.InputError, match="needs contact_storage and adhesion_loss"):

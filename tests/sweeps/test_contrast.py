@@ -341,6 +341,15 @@ def test_points_without_an_orbit_are_drawn_and_explained() -> None:
     assert any("No stable orbit has the setpoint amplitude" in text.get_text() for text in figure.texts)
 
 
+def test_the_recommended_frequency_has_a_panel_and_what_a_map_does_not_take_is_refused() -> None:
+    cube = pm.contrast(STICKY, LOSSY, SCOPE, [0.7, 0.8], [25e-9, 30e-9], np.linspace(299.6e3, 300.4e3, 9))
+    for best in cube.frequency.values:
+        figure = plot(cube.assign_attrs(best_frequency=best))
+        assert sum(line.get_gid() == "best" for axes in figure.axes for line in axes.lines) == 1
+    with pytest.raises(pm.InputError, match="ax is given; allowed: nothing where a contrast is drawn"):
+        plot(cube, ax=figure.axes[0])
+
+
 def test_a_panel_is_drawn_for_each_of_a_few_frequencies() -> None:
     found = pm.contrast(STICKY, LOSSY, SCOPE, [0.7, 0.8], [26e-9, 34e-9], np.linspace(299e3, 301e3, 6))
     assert len(plot(found).axes) == 4 + 1  # and the colour bar

@@ -123,7 +123,10 @@ def with_law(parameters: Any, setup: CurveSetting, more: dict[str, float | None]
 
 
 def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means of one direction between the edges, and their standard errors; NaN where there are not two."""
+    """Means of one direction between the edges, and their standard errors; NaN where there is no value.
+
+    A single value spreads as values of the other bins do in the middle; 0 where all bins have one.
+    """
     count, total, square = (
         np.histogram(z[known := np.isfinite(z + values)], edges, weights=(values[known] ** power))[0]
         for power in range(3)
@@ -131,6 +134,8 @@ def _binned(z: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.nd
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(count > 0, total / count, np.nan)
         error = np.sqrt(np.maximum(square / count - mean**2, 0.0) / np.maximum(count - 1, 1))
+    if (count > 1).any():
+        error[count == 1] = np.median((error * np.sqrt(count))[count > 1])
     return mean, error
 
 

@@ -358,4 +358,5 @@ def _solve_alike(model: Model, grid: Grid, stack: Stack) -> Estimates:
     flags |= AMBIGUOUS * untouched
     flags = np.full_like(flags, NO_DATA | 7) if not data else np.where(best.good, flags, NO_ORBIT | 7)
     lost = np.where(best.good & (data > 0), 1.0, np.nan)
-    return Estimates(model.materials(mean) * lost[:, None], errors * lost[:, None], chi2 / (degrees * lost), flags)
+    misfit = np.where(degrees > 0.5, chi2 / np.maximum(degrees, 0.5), np.nan) * lost
+    return Estimates(model.materials(mean) * lost[:, None], errors * lost[:, None], misfit, flags)

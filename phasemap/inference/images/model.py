@@ -157,14 +157,12 @@ class Model:
         return values, good
 
     def sides_of(self, stack: Stack) -> Codes:
-        """Branch of each datum, shape (n, m): the sign of the tip's phase beside the free one's; 0 without a datum.
+        """Branch of each datum, shape (n, m), as of `branches`; 0 without a datum.
 
         A height without a phase is taken to be on the branch of most other images. Exact orbits are sought on any: 1.
         """
         seen, phases = np.isfinite(stack.errors[:, :, PHASE]), stack.values[:, :, PHASE]
-        free = np.arctan2(self.levers[:, col.DYNAMIC_STIFFNESS], self.levers[:, col.DYNAMIC_LOSS])
-        above = of_tip(self.levers, self.amplitudes, phases)[1] > free
-        raised = np.where(above | (not self.averages), 1, -1)
+        raised = self.branches(phases) if self.averages else np.ones(phases.shape, np.int8)
         most = np.where((raised * seen).sum(axis=1, keepdims=True) < 0, -1, 1)
         sides = np.where(seen, raised, most)
         return np.where(seen | np.isfinite(stack.errors[:, :, HEIGHT]), sides, 0).astype(np.int8)
