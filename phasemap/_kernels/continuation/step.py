@@ -231,9 +231,10 @@ def _move_to_crossing(path: Path, wanted: Wanted, last: Point, after: Point, orb
     t = place_on_cubic(x_last, by_one * last.rate[index], x_after, by_two * after.rate[index], value)
     for i in range(5):
         guess[i] = hermite(last.value[i], by_one * last.rate[i], after.value[i], by_two * after.rate[i], t)
-    if index != ENTRY_SEEN:
+    if index != ENTRY_SEEN:  # that follows from the others, which the cubic gives
         guess[index] = value
     way, to = tangent_row(path, natural_length(path, orbit), after), (guess[ENTRY_Z0], guess[ENTRY_A], guess[ENTRY_M])
+    # With other equations in its system there is no derivative along the curve for `predict`: the guess has to do.
     if head.equations != EQUATIONS_OTHER and not predict(path, orbit, way, to):
         return False
     head.tip_offset, head.amplitude, head.parameter = to

@@ -140,9 +140,8 @@ def collocation_side_rows(pixels: Pixels, tables: np.ndarray, side: int, answers
 def _finds_nodes(oscillator: Oscillator, solved: SolvedRows, i: int, workspace: RowWorkspace) -> bool:
     """Fill the nodes of row i; False where it has no periodic orbit, or that is not found again."""
     row, kept = solved.rows[i], solved.kept
-    return has_periodic_orbit(row) and nodes_of(
-        oscillator, row, solved.averaged[i], kept[i if kept.shape[1] > 0 else 0], workspace
-    )
+    own = i if kept.shape[1] > 0 else 0  # without columns there is one row, and nothing in it is read
+    return has_periodic_orbit(row) and nodes_of(oscillator, row, solved.averaged[i], kept[own], workspace)
 
 
 @kernel

@@ -205,8 +205,8 @@ class Table(ContactLaw):
         """Radius of the contact [m] at depths: the damping over a viscosity, or that of a sphere."""
         if self.dampings is None:
             return super().radius_at(depth, radius)
-        formula = self._within(self.dampings, True)[0]
-        return np.vectorize(lambda d: formula(d, depth), otypes=[float])(depth)
+        formula, unread = self._within(self.dampings, True)[0], np.zeros(0)  # a table reads no parameters
+        return np.vectorize(lambda d: formula(d, unread), otypes=[float])(depth)
 
 
 @lru_cache(maxsize=64)

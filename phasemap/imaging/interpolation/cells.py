@@ -78,7 +78,7 @@ class Cell:
         return cls((*box, low, high), lower, upper, form)
 
     def level(self, u: float) -> End:
-        """The surface of one u in x2."""
+        """The surface of one u in x2: a height, or a level between ends that vary, which is no border of orbits."""
         share = float(_share(np.array(u), self.form))
         if not isinstance(self.lower, Border) and not isinstance(self.upper, Border):
             return self.lower + (self.upper - self.lower) * share
@@ -90,7 +90,7 @@ class Cell:
         mixed = np.zeros(np.maximum(low.shape, high.shape))
         mixed[: low.shape[0], : low.shape[1]] += (1 - share) * low
         mixed[: high.shape[0], : high.shape[1]] += share * high
-        return Border(border.box, mixed, 0.0, False)
+        return Border(border.box, mixed, error=0.0, sudden=False)
 
     def halves(self, axis: int, at: float) -> tuple[Cell, Cell]:
         """The cell cut in two across a coordinate."""

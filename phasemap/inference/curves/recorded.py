@@ -82,10 +82,10 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any =
     for name, every in values.items():
         binned = np.array([_binned(*one, edges) for one in zip(z, every, strict=True)])
         means[name], scatter = binned[:, 0], binned[:, 1]
-        again = np.repeat(
+        repeatability = np.repeat(
             [_repeats(part, name) for part in np.split(means[name], [BINS], axis=1)], [BINS, scatter.shape[1] - BINS]
         )
-        errors[name] = np.hypot(scatter, again * (free if name == "amplitude" else 1.0))
+        errors[name] = np.hypot(scatter, repeatability * (free if name == "amplitude" else 1.0))
     seen = np.isfinite(sum(means.values()) + sum(errors.values())).all(axis=0)
     middles = 0.5 * (edges[1:] + edges[:-1])[seen]
     if len(middles) < 5:
@@ -101,10 +101,9 @@ def of_curve(curve: xr.Dataset, scope: Microscope, start: Material, asked: Any =
     elif asked is not None:
         parameters = {name: parameters.get(name) for name in spreads_of(asked, start)}
     given = {name: (means[name][:, seen], errors[name][:, seen]) for name in means}
-    return FitArguments(
-        middles, given, tuple(map(str, curve["direction"].values)), scope,
-        float(means["amplitude"][:, seen][:, 0].mean() - middles[0]), parameters,
-    )  # fmt: skip
+    offset = float(given["amplitude"][0][:, 0].mean() - middles[0])  # of a hard surface, where the tip is nearest
+    directions = tuple(map(str, curve["direction"].values))
+    return FitArguments(middles, given, directions, scope, offset, parameters)
 
 
 def check_unsaid(offset: float, **given: Any) -> None:

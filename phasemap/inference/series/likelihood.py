@@ -248,6 +248,7 @@ class SeriesProblem:
                 best = _drawn(ways.logs, rng)
                 taken = ways.chosen[every, best]
                 common = ways.zeros[every, best, ALL]
+                # Of a file's difference, the share that is its own zero's beside noise.
                 gain = self._loose[files] / (self._loose[files] + narrow[:, files])
                 apart = within_half_a_turn(means[taken, every[:, ALL], files] - common)
                 chosen[np.ix_(mine, files)] = taken[mine]

@@ -194,10 +194,10 @@ class Curves:
                 if grazes and not rows[last, col.FLOQUET] < 1:  # where a neck hardly breaks, no orbit is stable
                     continue
                 known, onward = len(self.pieces), beside * np.sign(rows[last, self.column] - rows[before, self.column])
-                for side in (1.0,) if grazes else (1.0, -1.0):  # orbits whose neck does not break may lie behind
-                    self._follow_from_landing(
-                        rows[last], [side * onward * one for one in FARTHER[: 1 if grazes else None]]
-                    )
+                # A neck that breaks may keep its orbits only farther on, and those in which it does not lie behind.
+                farther, sides = (FARTHER[:1], (1.0,)) if grazes else (FARTHER, (1.0, -1.0))
+                for side in sides:
+                    self._follow_from_landing(rows[last], [side * onward * times for times in farther])
                 waiting += self.pieces[known:]
 
     def _follow_from_landing(self, start: np.ndarray, steps: list[float]) -> None:
