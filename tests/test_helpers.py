@@ -172,6 +172,7 @@ GIVES: list[tuple[Any, Any]] = [
     (measured.segment_height(1e-9 * np.array([[0.0, 1, 2, 13, 14, 15, 16]] * 4), 2)[0].tolist(), [0, 0, 0, 1, 1, 1, 1]),
     (colours.given_colours({"height": "2 nm"}, 60, None, {"height": "m", "phase": "degree"})["phase"].vmax, 60.0),
     (contrast_map.colours_of(np.array([-3.0, 2.0])).vmax, 3.0),
+    (contrast_map.colours_of(np.array([-3.0, 2.0]), colours.Colours(vmin=5.0)).vmin, -5.0),
     (
         contrast_map.ticks_of(contrast_map.colours_of(np.array([1.0, 1.0, -90.0]))),
         [-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0],

@@ -68,11 +68,12 @@ def draw_map(
 def colours_of(values: np.ndarray, asked: Colours = CHOSEN) -> Any:
     """Choose a scale for contrasts [degree], symmetric about 0, compressed at its ends where a few are far larger.
 
-    A limit that was asked for stands for both sides of 0.
+    A limit that was asked for alone stands for both sides of 0.
     """
-    ends = [abs(end) for end in (asked.vmin, asked.vmax) if end is not None]
-    if ends:
-        return Normalize(-ends[0] if asked.vmin is None else asked.vmin, ends[0] if asked.vmax is None else asked.vmax)
+    if asked.vmin is not None and asked.vmax is not None:
+        return Normalize(asked.vmin, asked.vmax)
+    if end := abs(asked.vmin or asked.vmax or 0.0):
+        return Normalize(-end, end)
     sizes = np.abs(values[np.isfinite(values)])
     largest = float(sizes.max(initial=0.0)) or 1.0
     middle = float(np.median(sizes)) if len(sizes) else largest

@@ -97,6 +97,9 @@ def sensitivity(
 
     spread(solve, bounds_of(len(good), CHUNK), workers, progress)
     lost = (status == col.GOOD) & ~np.isfinite(slopes).all(axis=(1, 2))
+    slopes[lost] = np.nan
+    for name in ("height", "phase"):
+        image[name] = image[name].where(~lost[inverse])
     image["status"] = image.status.copy(data=np.where(lost, col.NO_STABLE_ORBIT, status).astype(np.int8)[inverse])
     names = ("modulus", "adhesion", "viscosity" if viscous else "damping")
     for k, (quantity, unit, scale) in enumerate((("phase", "degree", 180 / np.pi), ("height", "m", 1.0))):
