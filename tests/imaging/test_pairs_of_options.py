@@ -255,9 +255,15 @@ def asked(case: Case, patch: pytest.MonkeyPatch, folder: Path) -> tuple[xr.Datas
 
 
 def in_the_plain_way(case: Case) -> xr.Dataset:
-    """The image as it is without the options that should change no number, with a dim of setpoints."""
+    """The image as it is without the options that should change no number, with a dim of setpoints.
+
+    Each setpoint has random numbers of its own, those of the next seed.
+    """
     given, options = (surface_in_memory(case), scope_of(case)), options_of(case)
-    images = [pm.simulate(*given, setpoint, **options, threads=1) for setpoint in SETPOINTS[case["setpoints"]]]
+    images, realism = [], options.pop("realism", None) or pm.Realism()
+    for i, setpoint in enumerate(SETPOINTS[case["setpoints"]]):
+        noise = replace(realism, seed=realism.seed + i)
+        images.append(pm.simulate(*given, setpoint, **options, realism=noise, threads=1))
     return xr.concat(images, "setpoint", combine_attrs="drop")
 
 
