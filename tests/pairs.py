@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
+
+import pytest
+
+from phasemap._shared.errors import InputError
 
 Case = dict[str, str]
 Options = dict[str, tuple[str, ...]]
@@ -54,6 +59,16 @@ class Pairs:
             for _, options in self.refused
             for found in itertools.product(*options.values())
         ]
+
+    def assert_refused(
+        self, case: Case, ask: Callable[[], object], patch: pytest.MonkeyPatch, work: Iterable[tuple[object, str]]
+    ) -> None:
+        """Asking for these options ends in a sentence about one of them, before any of the functions of `work`."""
+        for module, name in work:
+            patch.setattr(module, name, lambda *_: pytest.fail("work has started"))
+        with pytest.raises(InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
+            ask()
+        assert raised.value.name in self.refusals(case)
 
     def label(self, case: Case) -> str:
         return ", ".join(value for name, value in case.items() if value != self.options[name][0]) or "plain"

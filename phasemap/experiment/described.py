@@ -12,6 +12,7 @@ from phasemap.experiment.accuracy import Accuracy
 from phasemap.experiment.beam import Eigenmode
 from phasemap.experiment.control import Engage, Feedback, Raster
 from phasemap.experiment.interaction import WITH_PARAMETERS, ContactLaw, Interaction
+from phasemap.experiment.interaction.base import is_own
 from phasemap.experiment.interaction.longrange import FORCES, LongRange
 from phasemap.experiment.microscope import PARTS, Cantilever, Drive, Microscope, Mode, Tip
 from phasemap.experiment.realism import Realism, TipChange
@@ -30,7 +31,7 @@ KINDS: dict[str, type[Any]] = {
 
 def describe(thing: Any) -> Any:
     """A configuration object as plain JSON values."""
-    own = isinstance(thing, ContactLaw | LongRange) and not type(thing).__module__.startswith("phasemap.")
+    own = isinstance(thing, ContactLaw | LongRange) and is_own(thing)
     if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
         fields = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
         return {"kind": _whole_name(thing) if own else type(thing).__name__.lower(), **fields}

@@ -29,7 +29,7 @@ from phasemap.results.descriptions import FORCES, describe_failures, describe_va
 from phasemap.results.explanation import LAG, PHASE, PointMotion, lines_of, shown_number
 from phasemap.results.quantities import CHANNELS, OF_SECOND, OF_SECOND_MODE, TipMotion
 from phasemap.results.status import Status
-from phasemap.results.variables import FLAGS, FLOATS, branch_of, motion_of
+from phasemap.results.variables import FLOATS, branch_of, motion_of, word_of
 from phasemap.scenes.scene import scene_from_tables
 from phasemap.scenes.surface import seen_by_tip
 from phasemap.solvers.continuation.path import Question
@@ -235,10 +235,7 @@ def matched(
 def _found(setting: Setting, name: str, ds: xr.Dataset, material: int, bistable: bool) -> PointMotion:
     """Motion that engaging from far finds on one material, for the sentences."""
     values = {key: ds[key].values.tolist()[material] for key in VARIABLES}
-    words = {}
-    for key in ("branch", "motion", "solver"):
-        _, codes, meanings = FLAGS[key]
-        words[key] = dict(zip(codes, meanings, strict=True)).get(values[key], "none")
+    words = {key: word_of(key, values[key]) for key in ("branch", "motion", "solver")}
     lever, amplitude = lever_of(setting.scope), setting.setpoint * setting.scope.driven_amplitude
     tip_amplitude, tip_phase = of_tip(lever, amplitude, math.radians(values["phase"]))
     orbit = {name: ds[name].values[material] for name in OF_SECOND if name in ds}

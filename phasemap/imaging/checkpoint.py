@@ -23,6 +23,7 @@ from phasemap._kernels.law import digest_of
 from phasemap._shared.errors import FileError
 from phasemap._shared.files import replacing
 from phasemap.experiment.interaction import ContactLaw
+from phasemap.experiment.interaction.base import is_own
 from phasemap.experiment.surface import Surface
 from phasemap.experiment.surface_maps import QUANTITIES
 from phasemap.imaging.canvas import Values
@@ -141,7 +142,7 @@ def discard(folder: str | os.PathLike[str]) -> None:
 
 def _law_in_words(law: ContactLaw) -> str:
     """Text that tells a user's law from others: its parameters, its code, and what its formulas use."""
-    if type(law).__module__.startswith("phasemap."):
+    if not is_own(law):
         return ""
     try:
         modules = sorted({kind.__module__ for kind in type(law).__mro__ if issubclass(kind, ContactLaw)})

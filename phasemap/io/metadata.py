@@ -142,7 +142,7 @@ def settings_of_image(image: xr.Dataset) -> dict[str, Any]:
     """
     setpoint = image.coords.get("setpoint")
     selected = {} if setpoint is None or setpoint.ndim else {"setpoint": float(setpoint)}
-    return {**_of_simulation(image.attrs), **selected, **image.attrs}
+    return {**_of_simulation(image.attrs), **image.attrs, **selected}
 
 
 def is_simulated(image: xr.Dataset) -> bool:

@@ -36,7 +36,7 @@ from phasemap.plot.page import Page, beyond, draw_scale_bar, own_axes, side_leng
 from phasemap.plot.series import is_series, series
 from phasemap.plot.side_by_side import comparison, is_comparison
 from phasemap.plot.sweep import curve, is_sweep
-from phasemap.results.channels import counted_from, lag_of
+from phasemap.results.channels import as_lag, counted_from
 from phasemap.results.descriptions import (
     describe_failures,
     describe_irregular,
@@ -177,14 +177,11 @@ def _as_shown(ds: xr.Dataset, lag: bool) -> xr.Dataset:
     ds = _levelled(ds)
     if "phase" not in ds:
         return ds
-    if lag:
-        unknown = math.isnan(counted_from(ds)) and {"channels", "levelled"} & set(ds.attrs)
-        free = math.nan if unknown else 90.0
-        return ds.assign(phase=lag_of(ds).assign_attrs(units="degree", called="phase lag", free=free))
     free = counted_from(ds)
-    if math.isnan(free) and not {"channels", "levelled"} & set(ds.attrs):  # else it may be anywhere
-        free = 0.0
-    return ds.assign(phase=ds["phase"].assign_attrs(free=free))
+    if math.isfinite(free) or not {"channels", "levelled"} & set(ds.attrs):  # else it may be anywhere
+        free = 90.0 if lag else free if math.isfinite(free) else 0.0
+    phase = as_lag(ds)["phase"].assign_attrs(units="degree", called="phase lag") if lag else ds["phase"]
+    return ds.assign(phase=phase.assign_attrs(free=free))
 
 
 def _usual(ds: xr.Dataset) -> tuple[str, ...]:

@@ -173,20 +173,17 @@ def counted_from(image: xr.Dataset) -> float:
     return float(settings["phase_zero"]) - recorded_sign(settings) * free
 
 
-def lag_of(image: xr.Dataset) -> xr.DataArray:
-    """Lag behind the drive [degree], 90 at free resonance; from any zero where the image does not say its own."""
-    zero, sign = counted_from(image), recorded_sign(image.attrs)
-    zero = zero if math.isfinite(zero) else 0.0 if sign == 1 else 90.0
-    return phase_lag(sign * (image["phase"] - zero) if (zero, sign) != (0.0, 1) else image["phase"])
-
-
 def as_lag(image: xr.Dataset) -> xr.Dataset:
-    """The image with its lag in place of the phase, and what its attributes then say of zero and sign."""
-    lag, counted, settings = image.assign(phase=lag_of(image)), counted_from(image), settings_of_image(image)
-    lag.attrs["phase_sign"] = -1
-    if math.isfinite(counted):
-        lag.attrs["phase_zero"] = 90.0 - recorded_sign(settings) * (float(settings["phase_zero"]) - counted)
-    return lag
+    """The image with its lag behind the drive as phase, 90 at free resonance, and attributes that say so.
+
+    The lag counts from any zero where the image does not say its own.
+    """
+    settings, counted = settings_of_image(image), counted_from(image)
+    known, sign = math.isfinite(counted), recorded_sign(settings)
+    zero = counted if known else 0.0 if sign == 1 else 90.0
+    phase = image["phase"] if (zero, sign) == (0.0, 1) else sign * (image["phase"] - zero)
+    free = {"phase_zero": 90.0 - sign * (float(settings["phase_zero"]) - counted)} if known else {}
+    return image.assign(phase=phase_lag(phase)).assign_attrs(phase_sign=-1, **free)
 
 
 def _phase(

@@ -207,6 +207,12 @@ def phase_lag(phase: T) -> T:
     return lag
 
 
+def word_of(name: str, code: int) -> str:
+    """Word that a code of a flag variable stands for."""
+    _, codes, meanings = FLAGS[name]
+    return dict(zip(codes, meanings, strict=True)).get(code, "none")
+
+
 def flag_attributes(name: str) -> dict[str, Any]:
     """CF attributes of a flag variable."""
     long_name, values, meanings = FLAGS[name]

@@ -129,10 +129,7 @@ def test_over_a_step_both_engines_record_the_same(case: Case) -> None:
 def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulation, "plan_image", lambda *_: pytest.fail("work has started"))
-    with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
-        at_rest(case)
-    assert raised.value.name in PAIRS.refusals(case)
+    PAIRS.assert_refused(case, lambda: at_rest(case), monkeypatch, [(simulation, "plan_image")])
 
 
 BESIDE = {

@@ -210,6 +210,16 @@ def test_of_trace_and_retrace_the_trace_is_used_or_one_is_asked_for(
         np.testing.assert_allclose(one, expected[name], rtol=1e-9, err_msg=name)
 
 
+def test_of_images_that_were_joined_each_has_its_own_setpoint(tmp_path: Path) -> None:
+    """What joins Datasets keeps attributes of the first."""
+    images = [recorded(one, tmp_path) for one in simulated()]
+    joined = xr.concat(images, xr.Variable("setpoint", list(SETPOINTS)), combine_attrs="override")
+    assert [settings_of_image(joined.isel(setpoint=i))["setpoint"] for i in (0, 1)] == list(SETPOINTS)
+    expected, found = (pm.fit_regions(one, LABELS, SCOPE) for one in (images, joined))
+    np.testing.assert_array_equal(found.setpoint, SETPOINTS)
+    np.testing.assert_allclose(found.modulus, expected.modulus, rtol=1e-9)
+
+
 def levelled() -> Images:
     return [pm.level(one) for one in simulated()]
 

@@ -210,11 +210,8 @@ def test_each_point_is_an_orbit_that_the_plain_way_knows(case: Case) -> None:
 def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for work in ("distance_curves", "held_curves", "swept_curves", "far_state"):
-        monkeypatch.setattr(follow, work, lambda *_: pytest.fail("work has started"))
-    with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
-        swept(case)
-    assert raised.value.name in PAIRS.refusals(case)
+    work = [(follow, name) for name in ("distance_curves", "held_curves", "swept_curves", "far_state")]
+    PAIRS.assert_refused(case, lambda: swept(case), monkeypatch, work)
 
 
 MAPS: Options = {
@@ -275,7 +272,4 @@ def test_each_point_of_a_contrast_is_what_a_pixel_shows(case: Case, monkeypatch:
 def test_what_does_not_go_together_in_a_contrast_is_refused_before_work_starts(
     case: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(contrast_map, "_mapped", lambda *_: pytest.fail("work has started"))
-    with pytest.raises(pm.InputError, match=r"\A.+ is .+; allowed: .+\Z") as raised:
-        mapped(case)
-    assert raised.value.name in MAP_PAIRS.refusals(case)
+    MAP_PAIRS.assert_refused(case, lambda: mapped(case), monkeypatch, [(contrast_map, "_mapped")])

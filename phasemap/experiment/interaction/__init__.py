@@ -18,7 +18,7 @@ from phasemap._shared.arrays import Array
 from phasemap._shared.checks import check_choice
 from phasemap._shared.errors import InputError, Word
 from phasemap._shared.fields import Number, Shown, known_as
-from phasemap.experiment.interaction.base import ContactLaw
+from phasemap.experiment.interaction.base import ContactLaw, is_own
 from phasemap.experiment.interaction.capillary import Capillary
 from phasemap.experiment.interaction.contact import DMT, JKR, LAWS, Cone, FlatPunch, Hertz, LossyDMT, Neck
 from phasemap.experiment.interaction.film import Film
@@ -205,7 +205,7 @@ class Interaction(Shown):
         rows = self._rows(np.array([contact_stiffness]), np.array([adhesion]), np.zeros(1), radius, film, liquid)
         name, depth, energy = self.law.name, float(rows[0, col.RELEASE]), float(self._loop_energies(rows)[0])
         if not np.isfinite(rows).all():
-            if contact_stiffness > 0 or self._is_own:
+            if contact_stiffness > 0 or is_own(self.law):
                 given = f"K = {contact_stiffness:.3g} Pa, an adhesion of {adhesion:.3g} J/m² and R = {radius:.3g} m"
                 hint = f"With {given} it makes p = {rows[0].tolist()}."
                 raise InputError("contact", name, "a law with finite numbers for the material", hint)
@@ -243,11 +243,6 @@ class Interaction(Shown):
 
         return token._replace(memory=address_of_relaxing())
 
-    @property
-    def _is_own(self) -> bool:
-        """True if the contact law is the user's."""
-        return not type(self.law).__module__.startswith("phasemap.")
-
     def _rows(
         self,
         contact_stiffness: Array,
@@ -278,7 +273,7 @@ class Interaction(Shown):
             except InputError:
                 raise
             except Exception as error:  # whatever a user's law does
-                if not self._is_own:
+                if not is_own(self.law):
                     raise
                 hint = f"It raised {type(error).__name__}: {error}."
                 raise InputError("contact", law.name, "a law whose methods run", hint) from error
@@ -301,7 +296,7 @@ class Interaction(Shown):
         """Call the formulas of a user's law, as Python, with the material that damps most."""
         law = self.law
         valid = np.flatnonzero(np.isfinite(rows).all(axis=1))
-        if not self._is_own or not len(valid):
+        if not is_own(self.law) or not len(valid):
             return
         row = rows[valid[np.argmax(rows[valid, col.DAMPING])]]
         formulas = {"force": law.force, "slope": law.slope}

@@ -19,6 +19,11 @@ STEP, LEAST = 4e-3, 1e-15
 """Step of the difference quotient over the distance from release, and the least of that distance [m]."""
 
 
+def is_own(law: object) -> bool:
+    """True if a law is the user's, whatever it is called."""
+    return not type(law).__module__.startswith("phasemap.")
+
+
 class Necks(NamedTuple):
     """Necks of liquid, shape (n,) each: columns of parameter rows."""
 

@@ -84,8 +84,6 @@ def list_of_images(images: object) -> list[xr.Dataset]:
     if isinstance(images, xr.Dataset):
         dim = next((name for name in ("setpoint", "image") if name in images.dims), None)
         listed = [images] if dim is None else [images.isel({dim: i}) for i in range(images.sizes[dim])]
-        if dim == "setpoint" and dim in images.coords:
-            listed = [image.assign_attrs(setpoint=float(image["setpoint"])) for image in listed]
     elif isinstance(images, Sequence) and images and all(isinstance(image, xr.Dataset) for image in images):
         listed = list(images)
     else:

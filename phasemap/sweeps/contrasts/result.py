@@ -18,7 +18,7 @@ from phasemap._kernels import columns as col
 from phasemap._kernels.rows.answers import Answers
 from phasemap._shared.units import say
 from phasemap.results.explanation import PointMotion, lines_of
-from phasemap.results.variables import FLAGS, FLOATS, branch_of, coded, flag_attributes, float_attributes
+from phasemap.results.variables import FLOATS, branch_of, coded, flag_attributes, float_attributes, word_of
 from phasemap.sweeps.contrasts.pair import (
     ATTRACTIVE,
     BISTABLE,
@@ -144,7 +144,6 @@ def reason_of(
     """Why the second material is brighter or darker than the first at a place of the map, in sentences."""
     frequency, free_amplitude, setpoint = (values[i] for values, i in zip(axes, place, strict=True))
     work = pair.work(frequency, free_amplitude, np.array([setpoint]))
-    words = {name: dict(zip(FLAGS[name][1], FLAGS[name][2], strict=True)) for name in ("motion", "solver")}
     motions = []
     for material, name in enumerate(names):
         at = (material, *place)
@@ -153,7 +152,7 @@ def reason_of(
             PointMotion.of(
                 work.lever, float(work.amplitudes[material]), math.degrees(row[col.PHASE]), name=name, advice="",
                 regime="repulsive" if col.is_repulsive(row) else "attractive", bistable=bool(regime[at] == BISTABLE),
-                motion=words["motion"][int(motion[at])], solver=words["solver"][int(engaged.solver[at])],
+                motion=word_of("motion", int(motion[at])), solver=word_of("solver", int(engaged.solver[at])),
                 lost=float(row[col.DISSIPATION]), virial=float(row[col.VIRIAL]),
                 indentation=float(row[col.INDENTATION]), tip_offset=float(row[col.TIP_OFFSET]),
             )
