@@ -369,6 +369,5 @@ def test_what_does_not_go_together_is_refused_in_a_sentence_before_work_starts(
     options = options_of(case) | told_of(case, [])
     if case["checkpoint"] == "killed":
         options["checkpoint"] = tmp_path
-    given = surface_of(case), scope_of(case), SETPOINTS[case["setpoints"]]
-    work = [(simulation, "plan_image"), (blocks, "plan_image")]
-    PAIRS.assert_refused(case, lambda: pm.simulate(*given, **options), monkeypatch, work)
+    work, at = [(simulation, "plan_image"), (blocks, "plan_image")], SETPOINTS[case["setpoints"]]
+    PAIRS.assert_refused(case, lambda: pm.simulate(surface_of(case), scope_of(case), at, **options), monkeypatch, work)

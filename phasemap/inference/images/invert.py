@@ -92,7 +92,7 @@ def dataset_of(
     scopes = [describe(one) for one in dict.fromkeys(stack.scopes)]
     ds.attrs.update(provenance({"microscopes": scopes, "setpoints": list(stack.setpoints), **configuration}, how))
     places = image["phase"].coords
-    return ds.assign_coords({dim: places[dim] for dim in ("y", "x") if dim in places})
+    return ds.assign_coords({dim: places[dim].reset_coords(drop=True) for dim in ("y", "x") if dim in places})
 
 
 class _Valleys(NamedTuple):
